@@ -1,0 +1,44 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Typed errors of the package: mistakes raise these, events at run time are status values."""
+
+from __future__ import annotations
+
+
+class ManifoldMpcError(Exception):
+    """Base of every error that the package raises on purpose."""
+
+
+class ConfigurationError(ManifoldMpcError, ValueError):
+    """One configuration value that cannot be used.
+
+    The message names the offending key, its value, and what would be valid.
+    """
+
+    def __init__(self, key: str, value: object, valid: str) -> None:
+        """Store the three facts and build the message from them."""
+        self.key = key
+        self.value = value
+        self.valid = valid
+        super().__init__(f'{key}: {_short(value)} is not valid; expected {valid}')
+
+
+class StepExistenceError(ManifoldMpcError, ArithmeticError):
+    """The implicit LGVI step is not guaranteed to have a solution.
+
+    Raised when ``|h Pi + h^2/2 tau|`` reaches the smallest principal inertia.
+    """
+
+
+class DesignError(ManifoldMpcError):
+    """The terminal design does not exist for this configuration; the message says why."""
+
+
+class SolverBuildError(ManifoldMpcError):
+    """The solver could not be generated, compiled or loaded."""
+
+
+def _short(value: object) -> str:
+    """Return ``repr(value)`` on one line, cut at 120 characters."""
+    text = ' '.join(repr(value).split())
+    return text if len(text) <= 120 else text[:117] + '...'
