@@ -1,0 +1,66 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+# Everything a checkout needs, in .venv: see `make help`.
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.NOTPARALLEL:
+.PHONY: help setup test lint types pytest demo figures clean
+
+# The first that runs; the ROS wheels are tested with 3.11. Override with PYTHON=...
+PYTHON ?= $(firstword $(foreach p,python3.11 python3,$(shell $(p) -c '' 2> /dev/null && echo $(p))))
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.setup-complete
+
+PYTEST_ARGS ?=
+DEMO_ARGS ?=
+FIGURES_ARGS ?=
+
+# Nodes of the tests and of the demo talk on this machine only.
+export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
+
+# The ROS wheels restart Python once, with a library path and this mark. Inherited from another
+# environment, the path names that environment's libraries: drop both.
+ifdef _ROS_WHEELS_BOOTSTRAP_COMPLETE
+unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
+unexport LD_LIBRARY_PATH
+endif
+
+help:  ## Show this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@echo
+	@echo '  PYTHON=...       the interpreter that .venv is made from ($(PYTHON))'
+	@echo '  PYTEST_ARGS=...  more arguments for pytest, likewise DEMO_ARGS, FIGURES_ARGS'
+
+setup: $(STAMP)  ## Create .venv and install the package with ROS 2 and the test tools
+
+test: lint types pytest  ## Run the linter, the type checker and every test
+
+lint: $(STAMP)  ## Run ruff
+	@echo 'ruff check'
+	@$(BIN)/ruff check --quiet .
+
+types: $(STAMP)  ## Run mypy
+	@echo 'mypy'
+	@$(BIN)/mypy
+
+pytest: $(STAMP)  ## Run the tests alone
+	@$(BIN)/python -m pytest --timeout=300 $(PYTEST_ARGS)
+
+demo: $(STAMP)  ## Close the loop over DDS: a 180 degree slew with two processes
+	@$(BIN)/manifold-mpc demo $(DEMO_ARGS)
+
+figures: $(STAMP)  ## Reproduce the four figures of the paper
+	@$(BIN)/manifold-mpc figures $(FIGURES_ARGS)
+
+clean:  ## Remove .venv and everything that was built
+	rm -rf $(VENV) build dist install log manifold_mpc_ros.egg-info
+	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# The package is installed editable: a changed module needs no new set-up, these files do.
+$(STAMP): setup.py setup.cfg pyproject.toml package.xml .ci/constraints.txt .ci/setup \
+        $(wildcard resource/* config/*.yaml launch/*.py)
+	@PYTHON='$(PYTHON)' .ci/setup $(VENV)
+	@touch $@

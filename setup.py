@@ -1,0 +1,97 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Package metadata and install layout, for pip and for colcon."""
+
+from glob import glob
+from pathlib import Path
+
+from setuptools import find_packages, setup
+from setuptools.command.install_data import install_data
+
+NAME = 'manifold_mpc_ros'
+EXECUTABLES = {
+    'controller': f'{NAME}.nodes.controller:main',
+    'simulator': f'{NAME}.nodes.simulator:main',
+    'manifold-mpc': f'{NAME}.cli.main:main',
+}
+RUNTIME = [
+    'casadi>=3.6.5',
+    'matplotlib>=3.5',
+    'numpy>=1.23',
+    'pyyaml>=5.4',
+    'rich>=12',
+    'scipy>=1.9',
+]
+ROS = [
+    'ros-jazzy-common-interfaces',
+    'ros-jazzy-lifecycle-msgs',
+    'ros-jazzy-rclpy',
+    'ros-jazzy-rmw-fastrtps-cpp',
+]
+TEST = [
+    'catkin-pkg',
+    'colcon-core',
+    'colcon-library-path',
+    'colcon-python-setup-py',
+    'colcon-recursive-crawl',
+    'colcon-ros',
+    'empy==3.3.4',
+    'hypothesis',
+    'mypy',
+    'pytest<9',
+    'pytest-timeout',
+    'ruff',
+    'setuptools>=70.1,<80',
+    'types-PyYAML',
+]
+STUB = """#!/bin/sh
+# Run the command of this name that pip put into bin/ of the same prefix.
+here=$(dirname "$(readlink -f "$0")")
+exec "$here/../../bin/$(basename "$0")" "$@"
+"""
+
+
+class InstallData(install_data):
+    """Install the data files, and for pip the executables that ``ros2 run`` looks for.
+
+    colcon puts console scripts into ``lib/<package>``, pip puts them into ``bin`` and nowhere
+    else. A wheel therefore carries one stub per command under ``lib/<package>``.
+    """
+
+    def run(self) -> None:
+        """Install the data files, then the stubs when a wheel is being built."""
+        super().run()
+        if not {'bdist_wheel', 'editable_wheel'} & set(self.distribution.commands):
+            return
+        folder = Path(self.install_dir) / 'lib' / NAME
+        self.mkpath(str(folder))
+        for command in EXECUTABLES:
+            stub = folder / command
+            stub.write_text(STUB, encoding='utf-8')
+            stub.chmod(0o755)
+            self.outfiles.append(str(stub))
+
+
+setup(
+    name=NAME,
+    version='0.1.0',
+    description='Model predictive attitude control on SO(3) for ROS 2',
+    license='Apache-2.0',
+    author='The manifold_mpc_ros authors',
+    maintainer='The manifold_mpc_ros authors',
+    maintainer_email='maintainers@manifold-mpc-ros.example',
+    packages=find_packages(include=[NAME, f'{NAME}.*']),
+    package_data={NAME: ['py.typed']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
+        (f'share/{NAME}', ['package.xml']),
+        (f'share/{NAME}/config', sorted(glob('config/*.yaml'))),
+        (f'share/{NAME}/launch', sorted(glob('launch/*.py'))),
+    ],
+    cmdclass={'install_data': InstallData},
+    python_requires='>=3.10',
+    install_requires=RUNTIME,
+    extras_require={'ros': ROS, 'test': TEST},
+    entry_points={'console_scripts': [f'{name} = {main}' for name, main in EXECUTABLES.items()]},
+    zip_safe=False,
+)
