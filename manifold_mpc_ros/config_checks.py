@@ -1,0 +1,188 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Checks of single configuration values; each returns a clean value or raises ConfigurationError."""
+
+from __future__ import annotations
+
+import math
+import numbers
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from manifold_mpc_ros.errors import ConfigurationError
+
+FloatArray = npt.NDArray[np.float64]
+
+#: Relative tolerance on symmetry, and relative margin that 'positive definite' asks for.
+SYMMETRY_TOLERANCE = 1e-9
+DEFINITENESS_MARGIN = 1e-12
+
+
+def number(key: str, value: object, valid: str = 'a finite number') -> float:
+    """Return ``value`` as a finite float; booleans and text are not numbers."""
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
+        raise ConfigurationError(key, value, valid)
+    result = float(value)
+    if not math.isfinite(result):
+        raise ConfigurationError(key, value, valid)
+    return result
+
+
+def positive(key: str, value: object) -> float:
+    """Return ``value`` as a finite float above zero."""
+    return _number_above(key, value, 0.0, strict=True)
+
+
+def non_negative(key: str, value: object) -> float:
+    """Return ``value`` as a finite float that is zero or more."""
+    return _number_above(key, value, 0.0, strict=False)
+
+
+def integer(key: str, value: object, low: int) -> int:
+    """Return ``value`` as an int that is at least ``low``."""
+    valid = f'an integer of at least {low}'
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Integral):
+        raise ConfigurationError(key, value, valid)
+    if int(value) < low:
+        raise ConfigurationError(key, value, valid)
+    return int(value)
+
+
+def boolean(key: str, value: object) -> bool:
+    """Return ``value`` as a bool; 0, 1 and text are refused."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise ConfigurationError(key, value, 'true or false')
+    return bool(value)
+
+
+def choice(key: str, value: object, choices: Sequence[str]) -> str:
+    """Return ``value`` when it is one of ``choices``."""
+    if not isinstance(value, str) or value not in choices:
+        raise ConfigurationError(key, value, 'one of ' + ', '.join(map(repr, choices)))
+    return value
+
+
+def array(key: str, value: object, valid: str, *, infinite: bool = False) -> FloatArray:
+    """Return ``value`` as a new float array without NaN, and without inf unless allowed."""
+    try:
+        raw = np.asarray(value)
+    except ValueError:
+        raise ConfigurationError(key, value, valid) from None
+    if raw.dtype.kind not in 'iuf':
+        raise ConfigurationError(key, value, valid)
+    result = raw.astype(np.float64)
+    if np.isnan(result).any() or (not infinite and not np.isfinite(result).all()):
+        raise ConfigurationError(key, value, valid + ', all of them finite')
+    return result
+
+
+def vector(key: str, value: object, size: int = 3) -> FloatArray:
+    """Return ``value`` as a read-only vector of ``size`` finite numbers."""
+    valid = f'{size} numbers'
+    result = array(key, value, valid)
+    if result.shape != (size,):
+        raise ConfigurationError(key, value, valid)
+    return frozen(result)
+
+
+def limit(key: str, value: Any) -> FloatArray | None:
+    """Return a (3,) box of positive limits, or None when no axis is limited.
+
+    A single number limits every axis; ``inf`` leaves its axis free; ``None`` leaves all free.
+    """
+    if value is None:
+        return None
+    valid = 'one positive number or three (.inf: no limit on that axis)'
+    result = array(key, value, valid, infinite=True)
+    if result.shape not in ((), (1,), (3,)) or not (result > 0.0).all():
+        raise ConfigurationError(key, value, valid)
+    box = np.array(np.broadcast_to(result, (3,)))
+    return None if np.isinf(box).all() else frozen(box)
+
+
+def symmetric(key: str, value: object) -> FloatArray:
+    """Return a symmetric 3x3 from 3 diagonal numbers, 9 in row order, or a 3x3."""
+    valid = '3 numbers (the diagonal), 9 numbers (row by row) or a 3x3 matrix'
+    given = array(key, value, valid)
+    if given.shape == (3,):
+        return frozen(np.diag(given))
+    if given.shape not in ((9,), (3, 3)):
+        raise ConfigurationError(key, value, valid)
+    full = given.reshape(3, 3)
+    if np.abs(full - full.T).max() > SYMMETRY_TOLERANCE * np.abs(full).max():
+        raise ConfigurationError(key, value, 'a symmetric matrix (row order, 3x3)')
+    return frozen((full + full.T) / 2.0)
+
+
+def inertia(key: str, value: object) -> FloatArray:
+    """Return the inertia tensor J [kg m^2] of a body that can exist, as a symmetric 3x3.
+
+    Its principal moments are positive and obey ``J_1 + J_2 > J_3`` strictly, which says that the
+    nonstandard inertia ``J_d = tr(J)/2 I - J`` is positive definite.
+    """
+    tensor = symmetric(key, value)
+    moments = np.linalg.eigvalsh(tensor)
+    if moments[0] <= DEFINITENESS_MARGIN * abs(moments[-1]):
+        raise ConfigurationError(
+            key, value, 'positive principal moments of inertia (these are '
+            + _numbers(moments) + ')')
+    if moments[0] + moments[1] - moments[2] <= DEFINITENESS_MARGIN * moments[2]:
+        raise ConfigurationError(
+            key, value, 'principal moments of inertia with J_1 + J_2 > J_3 (these are '
+            + _numbers(moments) + ')')
+    return tensor
+
+
+def trace_weight(key: str, value: object, *, definite: bool) -> FloatArray:
+    """Return a weight Q of a trace cost ``tr(Q (I - g))`` as a symmetric 3x3.
+
+    The cost is positive away from the identity exactly when ``tr(Q) I - Q`` is positive definite;
+    Q itself has to be positive semidefinite, or positive definite when ``definite``.
+    """
+    weight = symmetric(key, value)
+    values = np.linalg.eigvalsh(weight)
+    margin = DEFINITENESS_MARGIN * max(abs(values[0]), abs(values[-1]))
+    if definite and values[0] <= margin:
+        raise ConfigurationError(
+            key, value, 'a positive definite matrix (eigenvalues are ' + _numbers(values) + ')')
+    if values[0] < -margin:
+        raise ConfigurationError(
+            key, value, 'a positive semidefinite matrix (eigenvalues are '
+            + _numbers(values) + ')')
+    if values[0] + values[1] <= margin:
+        raise ConfigurationError(
+            key, value, 'a matrix Q with tr(Q) I - Q positive definite (eigenvalues of Q are '
+            + _numbers(values) + ')')
+    return weight
+
+
+def unit_quaternion(key: str, value: object) -> FloatArray:
+    """Return ``value`` as a unit quaternion in the order given; the norm may be off by 1e-2."""
+    given = vector(key, value, 4)
+    norm = float(np.linalg.norm(given))
+    if abs(norm - 1.0) > 1e-2:
+        raise ConfigurationError(key, value, f'a unit quaternion x, y, z, w (norm is {norm:.6g})')
+    return frozen(given / norm)
+
+
+def frozen(values: FloatArray) -> FloatArray:
+    """Return ``values`` after making them read-only."""
+    values.setflags(write=False)
+    return values
+
+
+def _number_above(key: str, value: object, low: float, *, strict: bool) -> float:
+    """Return ``value`` as a finite float above (or at) ``low``."""
+    valid = f'a finite number {"above" if strict else "of at least"} {low:g}'
+    result = number(key, value, valid)
+    if result < low or (strict and result == low):
+        raise ConfigurationError(key, value, valid)
+    return result
+
+
+def _numbers(values: FloatArray) -> str:
+    """Return ``values`` as short text."""
+    return ', '.join(f'{value:.6g}' for value in values)

@@ -1,0 +1,103 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Reader of ROS parameter files that needs no ROS."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from manifold_mpc_ros.errors import ConfigurationError
+
+_PARAMETERS = 'ros__parameters'
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML 1.1 with the exponents that ROS accepts too: ``1e-3`` is a number, not text."""
+
+
+_Loader.add_implicit_resolver(
+    'tag:yaml.org,2002:float', re.compile(r'^[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+$'),
+    list('-+0123456789'))
+
+
+def read_parameter_file(path: str | Path, node_name: str) -> dict[str, Any]:
+    """Return the parameters that a ROS parameter file gives to a node, as dotted names.
+
+    A section belongs to the node when the last part of its key is the node's name, whatever the
+    namespace, or a wildcard (``/**``, ``/*``). Where several sections match, the later one wins
+    for each parameter, as in ROS; two sections for the node in two namespaces are refused.
+
+    Raises
+    ------
+    ConfigurationError
+        When the file cannot be read, is not YAML, or has no section for the node.
+
+    """
+    document = _read(path)
+    named: list[str] = []
+    found: dict[str, Any] = {}
+    matched = False
+    for section, parameters in _sections(document, ''):
+        last = section.rpartition('/')[2]
+        if last not in (node_name, '*', '**'):
+            continue
+        matched = True
+        if last == node_name:
+            named.append(section)
+        if not isinstance(parameters, Mapping):
+            raise ConfigurationError(f'{section}.{_PARAMETERS}', parameters, 'nested keys')
+        found.update(_flatten(parameters, ''))
+    if not matched:
+        raise ConfigurationError(
+            str(path), sorted(map(str, document)),
+            f'a section {node_name!r} with the key {_PARAMETERS!r}')
+    if len(named) > 1:
+        raise ConfigurationError(str(path), named, f'one section for {node_name!r}')
+    return found
+
+
+def _read(path: str | Path) -> Mapping[str, Any]:
+    """Return the top-level mapping of a YAML file."""
+    try:
+        text = Path(path).read_text(encoding='utf-8')
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else 'not UTF-8 text'
+        raise ConfigurationError(
+            'parameter file', str(path), f'a readable YAML file ({reason})') from None
+    try:
+        document = yaml.load(text, Loader=_Loader)
+    except yaml.YAMLError as error:
+        raise ConfigurationError(
+            'parameter file', str(path),
+            'valid YAML (' + ' '.join(str(error).split()) + ')') from None
+    if not isinstance(document, Mapping):
+        raise ConfigurationError(str(path), document, 'a ROS parameter file (nested keys)')
+    return document
+
+
+def _sections(tree: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
+    """Yield (node path, parameters) for every section of a parameter file."""
+    for key, branch in tree.items():
+        section = f'{prefix}/{str(key).strip("/")}'
+        if isinstance(branch, Mapping):
+            if _PARAMETERS in branch:
+                yield section, branch[_PARAMETERS]
+            yield from _sections(
+                {name: value for name, value in branch.items() if name != _PARAMETERS}, section)
+
+
+def _flatten(tree: Mapping[str, Any], prefix: str) -> dict[str, Any]:
+    """Return nested groups as one level with dotted names."""
+    flat: dict[str, Any] = {}
+    for key, value in tree.items():
+        name = f'{prefix}{key}'
+        if isinstance(value, Mapping):
+            flat.update(_flatten(value, f'{name}.'))
+        else:
+            flat[name] = value
+    return flat
