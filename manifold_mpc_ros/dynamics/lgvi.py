@@ -1,0 +1,212 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The Lie group variational integrator of a rigid body on SO(3), one body or a batch.
+
+The rotation f over a step of h seconds solves f J_d - J_d f^T = m^x with m = h Pi, Pi = J omega
+the body momentum and J_d = tr(J)/2 I - J the nonstandard inertia (the paper's "J" in this
+equation). Units: J in kg m^2, m in kg m^2 rad, omega_BN_B in rad/s, tau_B in N m.
+
+The step is guaranteed to exist while |m| stays below the smallest principal inertia; the
+functions refuse momenta beyond with a typed error. The formulas are in `scalar_form`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal, TypeAlias
+
+from manifold_mpc_ros.dynamics import scalar_form
+from manifold_mpc_ros.dynamics.riccati_route import solve_riccati
+from manifold_mpc_ros.dynamics.scalar_form import Matrix, Vector
+from manifold_mpc_ros.errors import ConfigurationError, StepExistenceError
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array: TypeAlias = NDArray[np.float64]
+Forcing: TypeAlias = Literal['symmetric', 'paper']
+Solver: TypeAlias = Literal['cayley', 'riccati']
+
+# A Newton step at or below this leaves an error of its square times the curvature.
+NEWTON_TOLERANCE = 1e-9
+NEWTON_ITERATIONS = 60
+
+
+def nonstandard_inertia(J: ArrayLike) -> Array:
+    """Map the inertia tensor J (..., 3, 3) to J_d = tr(J)/2 I - J (..., 3, 3) [kg m^2]."""
+    J = np.asarray(J, dtype=np.float64)
+    half_trace = 0.5 * np.trace(J, axis1=-2, axis2=-1)
+    return np.asarray(half_trace[..., None, None] * np.eye(3) - J)
+
+
+def cayley_step(m: ArrayLike, J: ArrayLike) -> Array:
+    """Map m = h Pi (..., 3) to c (..., 3) with m + m x c + (c . m) c - 2 J c = 0.
+
+    The rotation over the step is cay(c). Newton from c = 0, on the branch through 0, where
+    sym(f J_d) is positive semidefinite and |c| < 1 (a step below 90 degrees).
+
+    Raises StepExistenceError when |m| reaches the smallest eigenvalue of J (..., 3, 3).
+    """
+    return _from_vector(_solve_cayley(_to_vector(m), _to_matrix(J)))
+
+
+def riccati_step(m: ArrayLike, J: ArrayLike) -> Array:
+    """Map m = h Pi (..., 3) to f (..., 3, 3) by the paper's algebraic Riccati equation.
+
+    f = (M/2 + S) J_d^-1, -(M/2)^T S - S M/2 - S^2 + (J_d^2 + M^2/4) = 0, M = m^x, S = sym(f J_d).
+    Needs J_d positive definite (no flat body). One Schur form an item: slow in batches.
+
+    Raises StepExistenceError when |m| reaches the smallest eigenvalue of J (..., 3, 3).
+    """
+    m = np.asarray(m, dtype=np.float64)
+    J = np.asarray(J, dtype=np.float64)
+    _require_existence(_to_vector(m), _to_matrix(J))
+    shape = np.broadcast_shapes(m.shape[:-1], J.shape[:-2])
+    momenta = np.broadcast_to(m, (*shape, 3)).reshape(-1, 3)
+    inertias = np.broadcast_to(nonstandard_inertia(J), (*shape, 3, 3)).reshape(-1, 3, 3)
+    steps = [solve_riccati(one, J_d) for one, J_d in zip(momenta, inertias, strict=True)]
+    return np.array(steps).reshape(*shape, 3, 3)
+
+
+def legendre(c: ArrayLike, J: ArrayLike) -> Array:
+    """Map c (..., 3) to m = h Pi = 2 (J c + c x J c)/(1 + |c|^2), the inverse of `cayley_step`."""
+    return _from_vector(scalar_form.momentum_from_cayley(_to_vector(c), _to_matrix(J)))
+
+
+def step_rotation(omega_BN_B: ArrayLike, J: ArrayLike, h: float) -> Array:
+    """Map a measured rate (..., 3) [rad/s] to its free rotation f (..., 3, 3) over h seconds.
+
+    f J_d - J_d f^T = h (J omega)^x. Raises StepExistenceError like `cayley_step`.
+    """
+    inertia = _to_matrix(J)
+    Pi = scalar_form.apply(inertia, _to_vector(omega_BN_B))
+    c = _solve_cayley((h * Pi[0], h * Pi[1], h * Pi[2]), inertia)
+    return _from_matrix(scalar_form.rotation_from_cayley(c))
+
+
+def lgvi_step(
+    R_NB: ArrayLike,
+    omega_BN_B: ArrayLike,
+    tau_B: ArrayLike,
+    *,
+    inertia_kg_m2: ArrayLike,
+    step_s: float,
+    forcing: Forcing = 'symmetric',
+    solver: Solver = 'cayley',
+) -> tuple[Array, Array]:
+    """Advance attitude (..., 3, 3) and body rate (..., 3) by one step of constant torque tau_B.
+
+    With p = Pi + h/2 tau, f J_d - J_d f^T = h p^x ('symmetric', order 2):
+    R_NB' = R_NB f, Pi' = f^T p + h/2 tau. The paper's forcing ('paper', order 1):
+    p = Pi, Pi' = f^T p + h tau.
+
+    Raises StepExistenceError when |h p| reaches the smallest principal inertia, and
+    ConfigurationError for an unknown forcing or solver.
+    """
+    before_s, after_s = _forcing_split(forcing, step_s)
+    J, tau = _to_matrix(inertia_kg_m2), _to_vector(tau_B)
+    p = scalar_form.add(scalar_form.apply(J, _to_vector(omega_BN_B)), tau, before_s)
+    f = _rotation_solver(solver)((step_s * p[0], step_s * p[1], step_s * p[2]), J)
+    Pi = scalar_form.add(scalar_form.apply_transposed(f, p), tau, after_s)
+    R = scalar_form.multiply(_to_matrix(R_NB), f)
+    return _from_matrix(R), _from_vector(scalar_form.solve(J, Pi))
+
+
+def inertial_momentum(R_NB: ArrayLike, omega_BN_B: ArrayLike, J: ArrayLike) -> Array:
+    """Return the angular momentum R_NB J omega (..., 3) in inertial components [kg m^2 rad/s]."""
+    Pi = np.asarray(J) @ np.asarray(omega_BN_B)[..., None]
+    return np.asarray((np.asarray(R_NB) @ Pi)[..., 0], dtype=np.float64)
+
+
+def kinetic_energy(omega_BN_B: ArrayLike, J: ArrayLike) -> Array:
+    """Return omega . J omega / 2 (...) [J]."""
+    omega = np.asarray(omega_BN_B, dtype=np.float64)
+    Pi = (np.asarray(J) @ omega[..., None])[..., 0]
+    return np.asarray(0.5 * np.sum(omega * Pi, axis=-1))
+
+
+def _forcing_split(forcing: str, step_s: float) -> tuple[float, float]:
+    """Return the seconds of torque applied before and after the rotation of the step."""
+    if forcing == 'symmetric':
+        return 0.5 * step_s, 0.5 * step_s
+    if forcing == 'paper':
+        return 0.0, step_s
+    raise ConfigurationError('forcing', forcing, "'symmetric' or 'paper'")
+
+
+def _rotation_solver(solver: str) -> Callable[[Vector, Matrix], Matrix]:
+    """Return the map from (m, J) to f."""
+    if solver == 'cayley':
+        return lambda m, J: scalar_form.rotation_from_cayley(_solve_cayley(m, J))
+    if solver == 'riccati':
+        return lambda m, J: _to_matrix(riccati_step(_from_vector(m), _from_matrix(J)))
+    raise ConfigurationError('solver', solver, "'cayley' or 'riccati'")
+
+
+def _solve_cayley(m: Vector, J: Matrix) -> Vector:
+    """Return the root c; in a batch, each body stops at its own last Newton step."""
+    _require_existence(m, J)
+    c: Vector = (0.0, 0.0, 0.0)
+    active: bool | NDArray[np.bool_] = True
+    for _ in range(NEWTON_ITERATIONS):
+        step = scalar_form.newton_step(c, m, J)
+        if active is not True:
+            step = (step[0] * active, step[1] * active, step[2] * active)
+        c = scalar_form.add(c, step)
+        size = abs(step[0]) + abs(step[1]) + abs(step[2])
+        if isinstance(size, float):
+            if size <= NEWTON_TOLERANCE:
+                return c
+            continue
+        active = size > NEWTON_TOLERANCE
+        if not active.any():
+            return c
+    raise StepExistenceError(f'Newton did not converge in {NEWTON_ITERATIONS} steps')
+
+
+def _require_existence(m: Vector, J: Matrix) -> None:
+    """Raise StepExistenceError unless every |m| is below the smallest eigenvalue of its J."""
+    exists = np.asarray(scalar_form.within_guard(m, J))
+    if exists.all():
+        return
+    largest = np.max(np.linalg.norm(_from_vector(m), axis=-1))
+    smallest = np.min(np.linalg.eigvalsh(_from_matrix(J)))
+    raise StepExistenceError(
+        f'{np.count_nonzero(~exists)} of {exists.size} steps are not guaranteed to exist: '
+        f'|h Pi + h^2/2 tau| is {largest:.6g}, and must be finite and stay below the smallest '
+        f'principal inertia, {smallest:.6g} kg m^2'
+    )
+
+
+def _to_vector(v: ArrayLike) -> Vector:
+    """Split (..., 3) into three floats, or three arrays of the leading shape."""
+    v = np.asarray(v, dtype=np.float64)
+    if v.ndim == 1:
+        x, y, z = v.tolist()
+    else:
+        x, y, z = np.moveaxis(v, -1, 0)
+    return x, y, z
+
+
+def _to_matrix(matrix: ArrayLike) -> Matrix:
+    """Split (..., 3, 3) into three rows of floats or arrays."""
+    matrix = np.asarray(matrix, dtype=np.float64)
+    if matrix.ndim == 2:
+        first, second, third = matrix.tolist()
+        return tuple(first), tuple(second), tuple(third)
+    rows = np.moveaxis(matrix, -2, 0)
+    return _to_vector(rows[0]), _to_vector(rows[1]), _to_vector(rows[2])
+
+
+def _from_vector(v: Vector) -> Array:
+    """Join three floats or arrays into (..., 3)."""
+    if isinstance(v[0], float) and isinstance(v[1], float) and isinstance(v[2], float):
+        return np.array(v)
+    return np.stack(np.broadcast_arrays(*v), axis=-1)
+
+
+def _from_matrix(matrix: Matrix) -> Array:
+    """Join three rows of floats or arrays into (..., 3, 3)."""
+    if isinstance(matrix[0][0], float):
+        return np.array(matrix)
+    entries = np.stack(np.broadcast_arrays(*matrix[0], *matrix[1], *matrix[2]), axis=-1)
+    return entries.reshape(*entries.shape[:-1], 3, 3)
