@@ -1,6 +1,6 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Checks of single configuration values; each returns a clean value or raises ConfigurationError."""
+"""Checks of single configuration values: each returns a clean value or raises."""
 
 from __future__ import annotations
 
