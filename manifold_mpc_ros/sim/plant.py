@@ -1,0 +1,185 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The simulated spacecraft: a rigid body under clipped torque, with a disturbance and sensors.
+
+The plant shares the formulas of the LGVI with the predictor and nothing else: it has its own
+inertia, its own (smaller) step and always the symmetric forcing, which is second order for a
+torque that is held over the step.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from manifold_mpc_ros.config import SimulatorConfig
+from manifold_mpc_ros.dynamics.lgvi import lgvi_step
+from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.lie import so3
+
+Array: TypeAlias = NDArray[np.float64]
+DisturbanceFrame: TypeAlias = Literal['body', 'inertial']
+
+# A substep uses at most this part of the guard |h Pi + h^2/2 tau| < lambda_min(J): the step
+# exists up to 1, and is still accurate at one half (a turn of about 30 degrees).
+GUARD_FRACTION = 0.5
+# More substeps than this in one step, and the step is not taken at all.
+MAX_SUBSTEPS = 1000
+
+
+@dataclass
+class PlantCounters:
+    """What has happened to the plant since its last reset, counted in steps."""
+
+    saturated: int = 0   # a commanded torque was beyond a limit on some axis
+    refused: int = 0     # a commanded torque was not finite; zero was applied
+    substepped: int = 0  # one LGVI step would have passed the guard; several were taken
+    frozen: int = 0      # not even MAX_SUBSTEPS were enough; the state was kept
+
+
+class Plant:
+    """A rigid body that answers torque commands, one step of ``config.step_s`` at a time.
+
+    Arguments
+    ---------
+    config
+        Inertia, step, initial state, limits, disturbance, noise and its seed.
+    disturbance_frame
+        'body': ``config.disturbance_torque_n_m`` is constant in body components (a leaking
+        thruster); 'inertial': constant in inertial components, and applied by the same
+        trapezoidal rule, so that inertial momentum gains exactly h d in a step.
+
+    Raises
+    ------
+    ConfigurationError
+        For another disturbance frame.
+
+    """
+
+    def __init__(
+        self, config: SimulatorConfig, *, disturbance_frame: DisturbanceFrame = 'body',
+    ) -> None:
+        """Store the configuration and put the body into its initial state."""
+        if disturbance_frame not in ('body', 'inertial'):
+            raise ConfigurationError(
+                'disturbance_frame', disturbance_frame, "'body' or 'inertial'")
+        self.config = config
+        self._disturbance = np.array(config.disturbance_torque_n_m, dtype=np.float64)
+        self._inertial_disturbance = disturbance_frame == 'inertial'
+        self._smallest_inertia = float(np.linalg.eigvalsh(config.inertia_kg_m2)[0])
+        self.reset()
+
+    def reset(self) -> None:
+        """Return to the initial state at time zero; counters and noise start again too."""
+        x, y, z, w = self.config.initial_attitude_xyzw
+        self._R_NB = so3.rotation_from_quaternion([w, x, y, z])
+        self._omega_BN_B = np.array(self.config.initial_rate_rad_s, dtype=np.float64)
+        self._torque_B = np.zeros(3)
+        self._steps = 0
+        self.counters = PlantCounters()
+        # One stream each: switching one noise off leaves the other as it was.
+        attitude_seed, rate_seed = np.random.SeedSequence(self.config.seed).spawn(2)
+        self._attitude_noise = np.random.default_rng(attitude_seed)
+        self._rate_noise = np.random.default_rng(rate_seed)
+
+    @property
+    def R_NB(self) -> Array:
+        """The true attitude (3, 3), body to inertial."""
+        return self._R_NB.copy()
+
+    @property
+    def omega_BN_B(self) -> Array:
+        """The true body rate (3,) [rad/s]."""
+        return self._omega_BN_B.copy()
+
+    @property
+    def torque_B_n_m(self) -> Array:
+        """The actuator torque (3,) of the last step, after the limits [N m]."""
+        return self._torque_B.copy()
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time since the start or the last reset [s], a multiple of the step."""
+        return self._steps * self.config.step_s
+
+    def step(self, tau_B: ArrayLike) -> None:
+        """Advance by one plant step under the commanded torque (3,) [N m].
+
+        The torque is clipped axis by axis, as separate actuators do: a command outside the box
+        changes its direction. A command that is not finite counts as zero. The disturbance acts
+        beyond the limits. The state stays finite whatever is commanded, and `counters` tell
+        what was done about it (test_plant.py).
+        """
+        self._torque_B = self._actuate(np.asarray(tau_B, dtype=np.float64))
+        self._steps += 1
+        substeps = self._substeps_needed()
+        if substeps == 0:
+            self.counters.frozen += 1
+            return
+        if substeps > 1:
+            self.counters.substepped += 1
+        for _ in range(substeps):
+            self._advance(self.config.step_s / substeps)
+
+    def measure(self) -> tuple[Array, Array]:
+        """Return attitude (3, 3) and body rate (3,) [rad/s] as the sensors see them.
+
+        Gaussian noise about each body axis, ``R_NB exp(n)`` and ``omega + n``; without noise
+        the true state to the last bit. The seed fixes the whole sequence.
+        """
+        R_NB, omega_BN_B = self.R_NB, self.omega_BN_B
+        if self.config.attitude_noise_std_rad > 0.0:
+            R_NB = R_NB @ so3.exp(
+                self._attitude_noise.normal(scale=self.config.attitude_noise_std_rad, size=3))
+        if self.config.rate_noise_std_rad_s > 0.0:
+            omega_BN_B += self._rate_noise.normal(
+                scale=self.config.rate_noise_std_rad_s, size=3)
+        return R_NB, omega_BN_B
+
+    def _actuate(self, tau_B: Array) -> Array:
+        """Return the torque that the actuators give for a command."""
+        if tau_B.shape != (3,) or not np.all(np.isfinite(tau_B)):
+            self.counters.refused += 1
+            return np.zeros(3)
+        limit = self.config.max_torque_n_m
+        if limit is None or np.all(np.abs(tau_B) <= limit):
+            return tau_B.copy()
+        self.counters.saturated += 1
+        return np.clip(tau_B, -limit, limit)
+
+    def _substeps_needed(self) -> int:
+        """Return the number of substeps that keeps each of them inside the guard, 0 for none.
+
+        No substep of h/n starts with more momentum than |Pi| + h |tau| (n-1)/n, and its own
+        half step adds h/(2n) |tau|: h/n (|Pi| + h |tau|) bounds what the guard looks at.
+        """
+        step_s = self.config.step_s
+        with np.errstate(over='ignore', invalid='ignore'):
+            momentum = float(np.linalg.norm(self.config.inertia_kg_m2 @ self._omega_BN_B))
+            torque = float(np.linalg.norm(self._torque_B) + np.linalg.norm(self._disturbance))
+        needed = step_s * (momentum + step_s * torque) / (GUARD_FRACTION * self._smallest_inertia)
+        if not needed <= MAX_SUBSTEPS:
+            return 0
+        return max(1, math.ceil(needed))
+
+    def _advance(self, step_s: float) -> None:
+        """Take one LGVI step of the whole torque.
+
+        An inertial disturbance d acts as R^T d at both ends of the step, h/2 each; `lgvi_step`
+        holds the value of the start, so its second half is corrected afterwards.
+        """
+        J = self.config.inertia_kg_m2
+        disturbance_B = self._disturbance
+        if self._inertial_disturbance:
+            disturbance_B = self._R_NB.T @ self._disturbance
+        R_NB, omega_BN_B = lgvi_step(
+            self._R_NB, self._omega_BN_B, self._torque_B + disturbance_B,
+            inertia_kg_m2=J, step_s=step_s, forcing='symmetric')
+        if self._inertial_disturbance:
+            turned = R_NB.T @ self._disturbance - disturbance_B
+            omega_BN_B = omega_BN_B + np.linalg.solve(J, 0.5 * step_s * turned)
+        self._R_NB, self._omega_BN_B = R_NB, omega_BN_B
