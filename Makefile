@@ -11,7 +11,8 @@
 PYTHON ?= $(firstword $(foreach p,python3.11 python3,$(shell $(p) -c '' 2> /dev/null && echo $(p))))
 VENV := .venv
 BIN := $(VENV)/bin
-STAMP := $(VENV)/.setup-complete
+DEPENDENCIES := $(VENV)/.dependencies-installed
+STAMP := $(VENV)/.package-installed
 
 PYTEST_ARGS ?=
 DEMO_ARGS ?=
@@ -59,8 +60,14 @@ clean:  ## Remove .venv and everything that was built
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-# The package is installed editable: a changed module needs no new set-up, these files do.
-$(STAMP): setup.py setup.cfg pyproject.toml package.xml .ci/constraints.txt .ci/setup \
-        $(wildcard resource/* config/*.yaml launch/*.py)
-	@PYTHON='$(PYTHON)' .ci/setup $(VENV)
+# Slow, and needed only after a change of what is depended on.
+$(DEPENDENCIES): setup.py .ci/constraints.txt .ci/setup
+	@PYTHON='$(PYTHON)' .ci/setup $(VENV) dependencies
+	@touch $@
+
+# Seconds: the executables in .venv run the files of this checkout again.
+$(STAMP): $(DEPENDENCIES) setup.cfg pyproject.toml package.xml \
+        $(wildcard resource/* config/*.yaml launch/*.py) \
+        $(shell find manifold_mpc_ros -name '*.py' -o -name py.typed)
+	@PYTHON='$(PYTHON)' .ci/setup $(VENV) package
 	@touch $@

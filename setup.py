@@ -5,8 +5,10 @@
 from glob import glob
 from pathlib import Path
 
-from setuptools import find_packages, setup
-from setuptools.command.install_data import install_data
+# isort: off
+from setuptools import find_packages, setup  # first: it replaces distutils
+from distutils.command.install_data import install_data
+# isort: on
 
 NAME = 'manifold_mpc_ros'
 EXECUTABLES = {
@@ -61,7 +63,7 @@ class InstallData(install_data):
     def run(self) -> None:
         """Install the data files, then the stubs when a wheel is being built."""
         super().run()
-        if not {'bdist_wheel', 'editable_wheel'} & set(self.distribution.commands):
+        if 'bdist_wheel' not in self.distribution.commands:
             return
         folder = Path(self.install_dir) / 'lib' / NAME
         self.mkpath(str(folder))
