@@ -87,6 +87,11 @@ class Plant:
         self._rate_noise = np.random.default_rng(rate_seed)
 
     @property
+    def step_s(self) -> float:
+        """The time that one call of `step` takes [s]."""
+        return self.config.step_s
+
+    @property
     def R_NB(self) -> Array:
         """The true attitude (3, 3), body to inertial."""
         return self._R_NB.copy()
