@@ -13,14 +13,15 @@ functions refuse momenta beyond with a typed error. The formulas are in `scalar_
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from manifold_mpc_ros.dynamics import scalar_form
 from manifold_mpc_ros.dynamics.riccati_route import solve_riccati
 from manifold_mpc_ros.dynamics.scalar_form import Matrix, Vector
 from manifold_mpc_ros.errors import ConfigurationError, StepExistenceError
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 Array: TypeAlias = NDArray[np.float64]
 Forcing: TypeAlias = Literal['symmetric', 'paper']
@@ -80,7 +81,7 @@ def step_rotation(omega_BN_B: ArrayLike, J: ArrayLike, h: float) -> Array:
     inertia = _to_matrix(J)
     Pi = scalar_form.apply(inertia, _to_vector(omega_BN_B))
     c = _solve_cayley((h * Pi[0], h * Pi[1], h * Pi[2]), inertia)
-    return _from_matrix(scalar_form.rotation_from_cayley(c))
+    return np.eye(3) + _from_matrix(scalar_form.rotation_increment(c))
 
 
 def lgvi_step(
@@ -95,50 +96,57 @@ def lgvi_step(
 ) -> tuple[Array, Array]:
     """Advance attitude (..., 3, 3) and body rate (..., 3) by one step of constant torque tau_B.
 
-    With p = Pi + h/2 tau, f J_d - J_d f^T = h p^x ('symmetric', order 2):
-    R_NB' = R_NB f, Pi' = f^T p + h/2 tau. The paper's forcing ('paper', order 1):
+    With p = Pi + h/2 tau and f J_d - J_d f^T = h p^x ('symmetric', order 2):
+    R_NB' = R_NB f, Pi' = f^T p + h/2 tau. With the paper's forcing ('paper', order 1):
     p = Pi, Pi' = f^T p + h tau.
+
+    Rounding: both updates are increments, R_NB + R_NB (f - I) and
+    omega + J^-1 ((f - I)^T p + h tau), so that a free body keeps its momentum and energy; and
+    R_NB' is re-normalised by one Newton step of the polar decomposition, which moves it by
+    rounding only, because a steady spin repeats the same rounding error in every step.
 
     Raises StepExistenceError when |h p| reaches the smallest principal inertia, and
     ConfigurationError for an unknown forcing or solver.
     """
-    before_s, after_s = _forcing_split(forcing, step_s)
-    J, tau = _to_matrix(inertia_kg_m2), _to_vector(tau_B)
-    p = scalar_form.add(scalar_form.apply(J, _to_vector(omega_BN_B)), tau, before_s)
-    f = _rotation_solver(solver)((step_s * p[0], step_s * p[1], step_s * p[2]), J)
-    Pi = scalar_form.add(scalar_form.apply_transposed(f, p), tau, after_s)
-    R = scalar_form.multiply(_to_matrix(R_NB), f)
-    return _from_matrix(R), _from_vector(scalar_form.solve(J, Pi))
+    omega, tau, J = _to_vector(omega_BN_B), _to_vector(tau_B), _to_matrix(inertia_kg_m2)
+    p = scalar_form.add(scalar_form.apply(J, omega), tau, _torque_before_s(forcing, step_s))
+    m = (step_s * p[0], step_s * p[1], step_s * p[2])
+    increment = _increment_solver(solver)(m, J)
+    change = scalar_form.add(scalar_form.apply_transposed(increment, p), tau, step_s)
+    R = scalar_form.renormalised(scalar_form.add_increment(_to_matrix(R_NB), increment))
+    return _from_matrix(R), _from_vector(scalar_form.add(omega, scalar_form.solve(J, change)))
 
 
 def inertial_momentum(R_NB: ArrayLike, omega_BN_B: ArrayLike, J: ArrayLike) -> Array:
     """Return the angular momentum R_NB J omega (..., 3) in inertial components [kg m^2 rad/s]."""
-    Pi = np.asarray(J) @ np.asarray(omega_BN_B)[..., None]
-    return np.asarray((np.asarray(R_NB) @ Pi)[..., 0], dtype=np.float64)
+    Pi = np.asarray(J, dtype=np.float64) @ np.asarray(omega_BN_B, dtype=np.float64)[..., None]
+    return (np.asarray(R_NB, dtype=np.float64) @ Pi)[..., 0]
 
 
 def kinetic_energy(omega_BN_B: ArrayLike, J: ArrayLike) -> Array:
     """Return omega . J omega / 2 (...) [J]."""
     omega = np.asarray(omega_BN_B, dtype=np.float64)
-    Pi = (np.asarray(J) @ omega[..., None])[..., 0]
-    return np.asarray(0.5 * np.sum(omega * Pi, axis=-1))
+    Pi = (np.asarray(J, dtype=np.float64) @ omega[..., None])[..., 0]
+    return 0.5 * np.sum(omega * Pi, axis=-1)
 
 
-def _forcing_split(forcing: str, step_s: float) -> tuple[float, float]:
-    """Return the seconds of torque applied before and after the rotation of the step."""
+def _torque_before_s(forcing: str, step_s: float) -> float:
+    """Return the seconds of torque that act before the rotation of the step."""
     if forcing == 'symmetric':
-        return 0.5 * step_s, 0.5 * step_s
+        return 0.5 * step_s
     if forcing == 'paper':
-        return 0.0, step_s
+        return 0.0
     raise ConfigurationError('forcing', forcing, "'symmetric' or 'paper'")
 
 
-def _rotation_solver(solver: str) -> Callable[[Vector, Matrix], Matrix]:
-    """Return the map from (m, J) to f."""
+def _increment_solver(solver: str) -> Callable[[Vector, Matrix], Matrix]:
+    """Return the map from (m, J) to f - I."""
     if solver == 'cayley':
-        return lambda m, J: scalar_form.rotation_from_cayley(_solve_cayley(m, J))
+        return lambda m, J: scalar_form.rotation_increment(_solve_cayley(m, J))
     if solver == 'riccati':
-        return lambda m, J: _to_matrix(riccati_step(_from_vector(m), _from_matrix(J)))
+        return lambda m, J: _to_matrix(
+            riccati_step(_from_vector(m), _from_matrix(J)) - np.eye(3)
+        )
     raise ConfigurationError('solver', solver, "'cayley' or 'riccati'")
 
 
@@ -146,21 +154,17 @@ def _solve_cayley(m: Vector, J: Matrix) -> Vector:
     """Return the root c; in a batch, each body stops at its own last Newton step."""
     _require_existence(m, J)
     c: Vector = (0.0, 0.0, 0.0)
-    active: bool | NDArray[np.bool_] = True
+    active: Any = 1.0
     for _ in range(NEWTON_ITERATIONS):
         step = scalar_form.newton_step(c, m, J)
-        if active is not True:
-            step = (step[0] * active, step[1] * active, step[2] * active)
-        c = scalar_form.add(c, step)
-        size = abs(step[0]) + abs(step[1]) + abs(step[2])
-        if isinstance(size, float):
-            if size <= NEWTON_TOLERANCE:
-                return c
-            continue
-        active = size > NEWTON_TOLERANCE
-        if not active.any():
+        c = scalar_form.add(c, step, active)
+        active = active * (abs(step[0]) + abs(step[1]) + abs(step[2]) > NEWTON_TOLERANCE)
+        if not (active if isinstance(active, float) else active.any()):
             return c
-    raise StepExistenceError(f'Newton did not converge in {NEWTON_ITERATIONS} steps')
+    raise StepExistenceError(
+        f'{np.count_nonzero(active)} of {np.size(active)} steps did not converge in '
+        f'{NEWTON_ITERATIONS} Newton steps'
+    )
 
 
 def _require_existence(m: Vector, J: Matrix) -> None:

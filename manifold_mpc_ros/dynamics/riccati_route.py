@@ -4,11 +4,12 @@
 
 from __future__ import annotations
 
-from manifold_mpc_ros.errors import StepExistenceError
-from manifold_mpc_ros.lie.so3 import hat
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, schur
+
+from manifold_mpc_ros.errors import StepExistenceError
+from manifold_mpc_ros.lie.so3 import hat
 
 
 def solve_riccati(m: NDArray[np.float64], J_d: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -100,17 +100,35 @@ def momentum_from_cayley(c: Vector, J: Matrix) -> Vector:
     return scale * v[0], scale * v[1], scale * v[2]
 
 
-def rotation_from_cayley(c: Vector) -> Matrix:
-    """Return cay(c) = I + 2/(1 + |c|^2) (c^x + (c^x)^2)."""
+def rotation_increment(c: Vector) -> Matrix:
+    """Return cay(c) - I = 2/(1 + |c|^2) (c^x + (c^x)^2), relatively accurate for small c."""
     c0, c1, c2 = c
     s00, s11, s22 = c0 * c0, c1 * c1, c2 * c2
     s01, s02, s12 = c0 * c1, c0 * c2, c1 * c2
     scale = 2.0 / (1.0 + s00 + s11 + s22)
     return (
-        (1.0 - scale * (s11 + s22), scale * (s01 - c2), scale * (s02 + c1)),
-        (scale * (s01 + c2), 1.0 - scale * (s00 + s22), scale * (s12 - c0)),
-        (scale * (s02 - c1), scale * (s12 + c0), 1.0 - scale * (s00 + s11)),
+        (-scale * (s11 + s22), scale * (s01 - c2), scale * (s02 + c1)),
+        (scale * (s01 + c2), -scale * (s00 + s22), scale * (s12 - c0)),
+        (scale * (s02 - c1), scale * (s12 + c0), -scale * (s00 + s11)),
     )
+
+
+def add_increment(R: Matrix, G: Matrix) -> Matrix:
+    """Return R (I + G), the attitude after a step f = I + G."""
+    product = multiply(R, G)
+    return add(R[0], product[0]), add(R[1], product[1]), add(R[2], product[2])
+
+
+def renormalised(R: Matrix) -> Matrix:
+    """Return R + R (I - R^T R)/2, one Newton step of the polar decomposition.
+
+    An orthogonality error e becomes 3/4 e^2: rounding errors stay what they are in one step.
+    """
+    columns = transpose(R)
+    d01, d02 = -0.5 * dot(columns[0], columns[1]), -0.5 * dot(columns[0], columns[2])
+    d12 = -0.5 * dot(columns[1], columns[2])
+    d00, d11, d22 = (0.5 - 0.5 * dot(column, column) for column in columns)
+    return add_increment(R, ((d00, d01, d02), (d01, d11, d12), (d02, d12, d22)))
 
 
 def within_guard(m: Vector, J: Matrix) -> Scalar:

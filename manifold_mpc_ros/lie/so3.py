@@ -12,12 +12,13 @@ keeps its accuracy, and its length pi, on the 180 degree set.
 
 from __future__ import annotations
 
-import math
 from typing import TypeAlias
 
-from manifold_mpc_ros.errors import ConfigurationError, ManifoldMpcError
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from manifold_mpc_ros.errors import ConfigurationError, ManifoldMpcError
+from manifold_mpc_ros.lie.coefficients import cotangent_defect, sinc, sine_defect
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -25,8 +26,6 @@ Array: TypeAlias = NDArray[np.float64]
 HALF_TURN_W = 8.0 * float(np.finfo(np.float64).eps)
 # An axis component at or below this part of the largest one does not decide the axis sign.
 AXIS_SIGN_SCALE = 1e-9
-# Below this angle [rad] the coefficients that divide a difference by theta^2 are series.
-SERIES_ANGLE = 0.5
 
 _IDENTITY = np.eye(3)
 
@@ -58,7 +57,7 @@ def exp(phi: ArrayLike) -> Array:
     """
     phi = np.asarray(phi, dtype=np.float64)
     theta = np.linalg.norm(phi, axis=-1)
-    return _polynomial(phi, _sinc(theta), 0.5 * _sinc(0.5 * theta) ** 2)
+    return _polynomial(phi, sinc(theta), 0.5 * sinc(0.5 * theta) ** 2)
 
 
 def log(R: ArrayLike) -> Array:
@@ -73,13 +72,13 @@ def log(R: ArrayLike) -> Array:
     zero = length == 0.0
     safe = np.where(zero, 1.0, length)
     ratio = np.where(zero, 2.0, 2.0 * np.arctan2(length, q[..., 0]) / safe)
-    return np.asarray(ratio[..., None] * v)
+    return ratio[..., None] * v
 
 
 def angle(R: ArrayLike) -> Array:
     """Map R (..., 3, 3) to its rotation angle in [0, pi] [rad], accurate at both ends."""
     q = quaternion_from_rotation(R)
-    return np.asarray(2.0 * np.arctan2(np.linalg.norm(q[..., 1:], axis=-1), q[..., 0]))
+    return 2.0 * np.arctan2(np.linalg.norm(q[..., 1:], axis=-1), q[..., 0])
 
 
 def left_jacobian(phi: ArrayLike) -> Array:
@@ -89,7 +88,7 @@ def left_jacobian(phi: ArrayLike) -> Array:
     """
     phi = np.asarray(phi, dtype=np.float64)
     theta = np.linalg.norm(phi, axis=-1)
-    return _polynomial(phi, 0.5 * _sinc(0.5 * theta) ** 2, _sine_defect(theta))
+    return _polynomial(phi, 0.5 * sinc(0.5 * theta) ** 2, sine_defect(theta))
 
 
 def right_jacobian(phi: ArrayLike) -> Array:
@@ -104,7 +103,7 @@ def left_jacobian_inverse(phi: ArrayLike) -> Array:
     """
     phi = np.asarray(phi, dtype=np.float64)
     theta = np.linalg.norm(phi, axis=-1)
-    return _polynomial(phi, np.full_like(theta, -0.5), _cotangent_defect(theta))
+    return _polynomial(phi, np.full_like(theta, -0.5), cotangent_defect(theta))
 
 
 def right_jacobian_inverse(phi: ArrayLike) -> Array:
@@ -134,7 +133,7 @@ def cayley_inverse(R: ArrayLike) -> Array:
             f'{np.count_nonzero(w == 0.0)} of {w.size} rotations are by 180 degrees, '
             'where the Cayley parameter does not exist'
         )
-    return np.asarray(q[..., 1:] / w)
+    return q[..., 1:] / w
 
 
 def rotation_from_quaternion(q_wxyz: ArrayLike) -> Array:
@@ -152,8 +151,8 @@ def rotation_from_quaternion(q_wxyz: ArrayLike) -> Array:
     scale = 2.0 / np.trace(products, axis1=-2, axis2=-1)
     v = products[..., 1:, 1:]
     squares = np.trace(v, axis1=-2, axis2=-1)
-    R = np.asarray(v + hat(products[..., 0, 1:]) - squares[..., None, None] * _IDENTITY)
-    return np.asarray(_IDENTITY + scale[..., None, None] * R)
+    increment = v + hat(products[..., 0, 1:]) - squares[..., None, None] * _IDENTITY
+    return _IDENTITY + scale[..., None, None] * increment
 
 
 def quaternion_from_rotation(R: ArrayLike) -> Array:
@@ -176,12 +175,13 @@ def quaternion_from_rotation(R: ArrayLike) -> Array:
     negative = np.where(half_turn, first, q[..., 0]) < 0.0
     q = np.where(negative[..., None], -q, q)
     q[..., 0] = np.where(half_turn, 0.0, q[..., 0])
-    return np.asarray(q)
+    return q
 
 
 def attitude_error_B(R_ND: ArrayLike, R_NB: ArrayLike) -> Array:
     """Return R_DB = R_ND^T R_NB (..., 3, 3), the attitude of B seen from the desired frame D."""
-    return np.asarray(np.swapaxes(np.asarray(R_ND, dtype=np.float64), -1, -2) @ np.asarray(R_NB))
+    R_DN = np.swapaxes(np.asarray(R_ND, dtype=np.float64), -1, -2)
+    return R_DN @ np.asarray(R_NB, dtype=np.float64)
 
 
 def random_rotations(rng: np.random.Generator, n: int) -> Array:
@@ -197,7 +197,7 @@ def project(matrix: ArrayLike) -> Array:
     u, _, vt = np.linalg.svd(np.asarray(matrix, dtype=np.float64))
     u = np.array(u)
     u[..., :, 2] *= np.sign(np.linalg.det(u @ vt))[..., None]
-    return np.asarray(u @ vt)
+    return u @ vt
 
 
 def is_rotation(R: ArrayLike, tolerance: float = 1e-9) -> bool:
@@ -212,9 +212,7 @@ def _polynomial(phi: Array, first: Array, second: Array) -> Array:
     outer = phi[..., :, None] * phi[..., None, :]
     squared = np.sum(phi * phi, axis=-1)
     square = outer - squared[..., None, None] * _IDENTITY
-    return np.asarray(
-        _IDENTITY + first[..., None, None] * hat(phi) + second[..., None, None] * square
-    )
+    return _IDENTITY + first[..., None, None] * hat(phi) + second[..., None, None] * square
 
 
 def _outer_quaternion(R: Array) -> Array:
@@ -227,31 +225,3 @@ def _outer_quaternion(R: Array) -> Array:
     return outer
 
 
-def _sinc(theta: Array) -> Array:
-    """Return sin(theta)/theta, 1 at 0."""
-    zero = theta == 0.0
-    return np.asarray(np.where(zero, 1.0, np.sin(theta) / np.where(zero, 1.0, theta)))
-
-
-def _sine_defect(theta: Array) -> Array:
-    """Return (theta - sin theta)/theta^3."""
-    small = theta < SERIES_ANGLE
-    safe = np.where(small, 1.0, theta)
-    series = [1.0 / math.factorial(2 * k + 3) * (-1.0) ** k for k in range(7)]
-    squared = np.where(small, theta, 0.0) ** 2
-    return np.where(small, np.polynomial.polynomial.polyval(squared, series),
-                    (safe - np.sin(safe)) / safe**3)
-
-
-def _cotangent_defect(theta: Array) -> Array:
-    """Return (1 - (theta/2) cot(theta/2))/theta^2, for theta < 2 pi."""
-    small = theta < SERIES_ANGLE
-    half = 0.5 * np.where(small, 1.0, theta)
-    # |B_2k| / (2k)!, k = 1 to 8, from the Bernoulli numbers.
-    series = [
-        1 / 12, 1 / 720, 1 / 30240, 1 / 1209600, 1 / 47900160, 691 / 1307674368000,
-        1 / 74724249600, 3617 / 10670622842880000,
-    ]
-    squared = np.where(small, theta, 0.0) ** 2
-    return np.where(small, np.polynomial.polynomial.polyval(squared, series),
-                    (1.0 - half * np.cos(half) / np.sin(half)) / (4.0 * half**2))
