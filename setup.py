@@ -18,11 +18,11 @@ EXECUTABLES = {
 }
 RUNTIME = [
     'casadi>=3.6.5',
-    'matplotlib>=3.5',
-    'numpy>=1.23',
-    'pyyaml>=5.4',
-    'rich>=12',
-    'scipy>=1.9',
+    'matplotlib>=3.6',
+    'numpy>=1.26',
+    'pyyaml>=6.0',
+    'rich>=13',
+    'scipy>=1.11',
 ]
 ROS = [
     'ros-jazzy-common-interfaces',

@@ -1,0 +1,109 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What setup.py, package.xml and the wheel say agrees with each other and with the imports."""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+from collections.abc import Iterator
+from email.message import Message
+from email.parser import Parser
+from pathlib import Path
+from zipfile import ZipFile
+
+import pytest
+from catkin_pkg.package import Package, parse_package
+from installed import BUILD, PIP, TOP, run
+
+# The package that an import belongs to, as pip and as rosdep call it, where they differ.
+PIP_NAME = {'yaml': 'pyyaml'}
+ROSDEP_KEY = {'casadi': 'casadi-pip'}
+
+
+@pytest.fixture(scope='module')
+def manifest() -> Package:
+    return parse_package(str(TOP))
+
+
+@pytest.fixture(scope='module')
+def metadata(wheel: Path) -> Message:
+    with ZipFile(wheel) as archive:
+        name = next(n for n in archive.namelist() if n.endswith('.dist-info/METADATA'))
+        return Parser().parsestr(archive.read(name).decode())
+
+
+def imported(*folders: str) -> Iterator[str]:
+    """Yield the first name of each absolute import in the folders' files."""
+    for path in (p for folder in folders for p in (TOP / folder).rglob('*.py')):
+        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+            if isinstance(node, ast.Import):
+                yield from (alias.name.partition('.')[0] for alias in node.names)
+            elif isinstance(node, ast.ImportFrom) and not node.level:
+                yield str(node.module).partition('.')[0]
+
+
+def required(metadata: Message, extra: str | None = None) -> set[str]:
+    """Return the lower-case names that the wheel requires, for an extra or always."""
+    lines = [line for line in metadata.get_all('Requires-Dist', [])
+             if (f'extra == "{extra}"' in line if extra else 'extra ==' not in line)]
+    return {re.split(r'[\s;<>=!~\[(]', line)[0].lower() for line in lines}
+
+
+def test_one_name_version_and_licence(manifest: Package, metadata: Message) -> None:
+    assert manifest.name == metadata['Name'].replace('-', '_') == 'manifold_mpc_ros'
+    assert manifest.version == metadata['Version']
+    assert manifest.licenses == [metadata['License'] or metadata['License-Expression']]
+    assert f'## [{manifest.version}]' in (TOP / 'CHANGELOG.md').read_text(encoding='utf-8')
+    assert 'Apache License' in (TOP / 'LICENSE').read_text(encoding='utf-8')
+
+
+def test_the_manifest_is_valid(manifest: Package) -> None:
+    warnings: list[str] = []
+    manifest.validate(warnings=warnings)
+    assert warnings == []
+    assert manifest.get_build_type() == 'ament_python'
+
+
+def test_every_import_is_declared_once_for_pip_and_once_for_rosdep(
+        manifest: Package, metadata: Message) -> None:
+    foreign = set(imported('manifold_mpc_ros', 'launch')) - {'manifold_mpc_ros'}
+    foreign -= sys.stdlib_module_names
+    depends = {depend.name for depend in manifest.exec_depends}
+    in_ros = foreign & depends
+    assert {'rclpy', 'nav_msgs', 'geometry_msgs'} <= in_ros
+    assert {PIP_NAME.get(n, n) for n in foreign - in_ros} == required(metadata)
+    assert {ROSDEP_KEY.get(n, f'python3-{n}') for n in foreign - in_ros} == depends - in_ros - {
+        'launch', 'launch_ros'}
+
+
+def test_the_extras(metadata: Message) -> None:
+    assert required(metadata, 'ros') == {
+        'ros-jazzy-common-interfaces', 'ros-jazzy-lifecycle-msgs', 'ros-jazzy-rclpy',
+        'ros-jazzy-rmw-fastrtps-cpp'}
+    assert {'pytest', 'hypothesis', 'ruff', 'mypy'} <= required(metadata, 'test')
+    assert metadata['Requires-Python'] == '>=3.10'
+
+
+def test_the_wheel_holds_the_package_and_executable_stubs(wheel: Path) -> None:
+    with ZipFile(wheel) as archive:
+        modes = {entry.filename: entry.external_attr >> 16 for entry in archive.infolist()}
+    top = {name.partition('/')[0] for name in modes}
+    assert {name.partition('-')[0] for name in top} == {'manifold_mpc_ros'}
+    sources = {p.relative_to(TOP).as_posix() for p in (TOP / 'manifold_mpc_ros').rglob('*.py')}
+    assert {n for n in modes if n.startswith('manifold_mpc_ros/') and n.endswith('.py')} == sources
+    stubs = {Path(name).name: mode for name, mode in modes.items()
+             if '.data/data/lib/manifold_mpc_ros/' in name}
+    assert set(stubs) == {'controller', 'simulator', 'manifold-mpc'}
+    assert all(mode & 0o111 == 0o111 for mode in stubs.values())
+
+
+def test_the_source_archive_builds_the_same_wheel(
+        checkout: Path, wheel: Path, tmp_path: Path) -> None:
+    build = 'import sys, setuptools.build_meta as b; b.build_sdist(sys.argv[1])'
+    run([sys.executable, '-c', build, tmp_path], cwd=checkout)
+    archive = next(tmp_path.glob('*.tar.gz'))
+    run([*PIP, 'wheel', *BUILD, '--wheel-dir', tmp_path, archive], cwd=tmp_path)
+    with ZipFile(wheel) as one, ZipFile(next(tmp_path.glob('*.whl'))) as other:
+        assert sorted(one.namelist()) == sorted(other.namelist())
