@@ -61,15 +61,14 @@ def shipped(folder: Path) -> dict[str, bytes]:
 
 
 def starts_and_stops(command: Sequence[str | Path], parameters: Path, **variables: str) -> None:
-    """Start a node with a parameter file, wait for its first log line, end it with SIGINT."""
+    """Start a node with a parameter file, wait until it is active, end it with SIGINT."""
     arguments = [*map(str, command), '--ros-args', '--params-file', str(parameters)]
-    domain = str(1 + os.getpid() % 100)
+    apart = environment(ROS_DOMAIN_ID=str(1 + os.getpid() % 100), **variables)
     node = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                            env=environment(ROS_DOMAIN_ID=domain, **variables),
-                            cwd=parameters.parent)
+                            env=apart, cwd=parameters.parent)
     try:
         assert node.stdout is not None
-        seen = read_until(rb'\[INFO\]', node.stdout, timeout_s=60.0)
+        seen = read_until(rb'\]: active\b', node.stdout, timeout_s=60.0)
         node.send_signal(signal.SIGINT)
         rest, _ = node.communicate(timeout=10.0)
         assert node.returncode == 0, (seen + rest).decode()
