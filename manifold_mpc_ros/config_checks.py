@@ -183,6 +183,6 @@ def _number_above(key: str, value: object, low: float, *, strict: bool) -> float
     return result
 
 
-def _numbers(values: FloatArray) -> str:
+def _numbers(values: npt.NDArray[Any]) -> str:
     """Return ``values`` as short text."""
     return ', '.join(f'{value:.6g}' for value in values)

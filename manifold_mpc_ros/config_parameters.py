@@ -86,11 +86,9 @@ class ParameterSpec:
     def _check_floats(self, value: Any) -> list[float]:
         """Return a list of numbers of a valid length; one bare number is a list of one."""
         given = [value] if isinstance(value, (int, float)) else value
-        if not isinstance(given, Sequence) or isinstance(given, (str, bytes)):
-            given = list(given) if hasattr(given, 'typecode') else None
-        if given is None or len(given) not in self.lengths:
+        if not isinstance(given, (list, tuple)) or len(given) not in self.lengths:
             raise ConfigurationError(self.name, value, self.valid)
-        if any(isinstance(item, bool) for item in given):
+        if not all(isinstance(x, (int, float)) and not isinstance(x, bool) for x in given):
             raise ConfigurationError(self.name, value, self.valid)
         numbers = checks.array(self.name, list(given), self.valid, infinite=self.infinite)
         return [float(item) for item in numbers]
@@ -111,6 +109,7 @@ def resolve_parameters(
 
     """
     refuse_unknown(specs, given)
+    checks.boolean('use_sim_time', given.get('use_sim_time', False))
     values: dict[str, Value] = {}
     for spec in specs:
         if spec.name in given:
@@ -123,15 +122,15 @@ def resolve_parameters(
     return values
 
 
-def refuse_unknown(specs: Sequence[ParameterSpec], names: Iterable[str]) -> None:
+def refuse_unknown(specs: Sequence[ParameterSpec], given: Mapping[str, Any]) -> None:
     """Raise ConfigurationError for the first name that is not a parameter of the node."""
     known = [spec.name for spec in specs]
-    for name in names:
+    for name, value in given.items():
         if name in known or name in ROS_PARAMETERS or name.startswith(ROS_PREFIXES):
             continue
         nearest = difflib.get_close_matches(name, known, n=1, cutoff=0.0)[0]
         raise ConfigurationError(
-            name, 'an unknown key', f'one of the known keys; the nearest is {nearest!r}')
+            name, value, f'a parameter that exists (unknown key; the nearest is {nearest!r})')
 
 
 def by_field(

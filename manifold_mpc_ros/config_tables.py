@@ -65,7 +65,8 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
         choices=('symmetric', 'paper'), read_only=True),
     ParameterSpec(
         'mpc.backend', 'str', 'auto',
-        "how the solver runs: generated C, CasADi's virtual machine, or C where a compiler is",
+        "how the solver runs: c (generated and compiled), vm (CasADi's virtual machine), or auto "
+        '(c where there is a compiler)',
         choices=('auto', 'c', 'vm'), read_only=True),
     ParameterSpec(
         'state_source', 'str', 'odometry', 'topic that brings attitude and body rate',

@@ -61,6 +61,15 @@ def read_parameter_file(path: str | Path, node_name: str) -> dict[str, Any]:
     return found
 
 
+def check_parameter_file(path: str | Path) -> None:
+    """Raise ConfigurationError unless ROS can read the file, whichever nodes it is for."""
+    for section, parameters in _sections(_read(path), ''):
+        if isinstance(parameters, Mapping):
+            _flatten(parameters, '')
+        elif parameters is not None:
+            raise ConfigurationError(f'{section}.{_PARAMETERS}', parameters, 'nested keys')
+
+
 def _read(path: str | Path) -> Mapping[str, Any]:
     """Return the top-level mapping of a YAML file."""
     try:
@@ -99,5 +108,16 @@ def _flatten(tree: Mapping[str, Any], prefix: str) -> dict[str, Any]:
         if isinstance(value, Mapping):
             flat.update(_flatten(value, f'{name}.'))
         else:
-            flat[name] = value
+            flat[name] = _ros_value(name, value)
     return flat
+
+
+def _ros_value(name: str, value: Any) -> Any:
+    """Return a value that ROS can hold: a scalar, or a list of scalars of one type."""
+    items = value if isinstance(value, list) else [value]
+    if not items or not all(isinstance(item, (bool, int, float, str)) for item in items):
+        raise ConfigurationError(name, value, 'a number, text, true or false, or a list of them')
+    if len({type(item) for item in items}) > 1:
+        raise ConfigurationError(
+            name, value, 'a list of one type (ROS asks for 1.0 where the others are 0.5)')
+    return value

@@ -1,0 +1,175 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What both nodes have in common: lifecycle, parameters, diagnostics, reset and pause."""
+
+from __future__ import annotations
+
+import time
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.clock import Clock, ClockType
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from std_srvs.srv import SetBool, Trigger
+
+from manifold_mpc_ros.config_parameters import Value
+from manifold_mpc_ros.errors import ManifoldMpcError
+from manifold_mpc_ros.nodes.gate import RefusalLog
+from manifold_mpc_ros.nodes.messages import to_diagnostics
+from manifold_mpc_ros.nodes.parameters import NodeParameters
+from manifold_mpc_ros.nodes.usage import Program
+
+DIAGNOSTICS_PERIOD_S = 0.2
+
+#: Best effort matches every publisher.
+INPUT_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+OUTPUT_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+
+
+@dataclass
+class Status:
+    """What a node says about itself on /diagnostics."""
+
+    level: bytes
+    message: str
+    values: dict[str, object] = field(default_factory=dict)
+
+
+class ManagedNode(LifecycleNode):
+    """A lifecycle node with checked parameters, diagnostics, ``~/reset`` and ``~/pause``.
+
+    A subclass builds its parts from the parameters, and takes them down again; it acts between
+    `start` and `stop`. A mistake in the configuration fails the transition and is logged once.
+    """
+
+    def __init__(self, program: Program, *, complete: bool) -> None:
+        """Declare parameters and the interfaces that exist in every lifecycle state."""
+        super().__init__(
+            program.node_name, automatically_declare_parameters_from_overrides=True)
+        self._table = NodeParameters(self, program.parameters, complete=complete)
+        self.autostart = self._table.flag('autostart')
+        self.configuring = False
+        self.active = False
+        self.refusals = RefusalLog()
+        self._failure = ''
+        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', OUTPUT_QOS)
+        # Diagnostics go on when simulated time does not.
+        self.steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(DIAGNOSTICS_PERIOD_S, self.publish_diagnostics, clock=self.steady_clock)
+        self.create_service(Trigger, '~/reset', self._on_reset)
+        self.create_service(SetBool, '~/pause', self._on_pause)
+
+    @abstractmethod
+    def build(self, values: Mapping[str, Value]) -> None:
+        """Make everything that depends on the parameters; raise ManifoldMpcError."""
+
+    @abstractmethod
+    def take_down(self) -> None:
+        """Undo `build`."""
+
+    @abstractmethod
+    def start(self) -> None:
+        """Begin to act."""
+
+    @abstractmethod
+    def stop(self) -> None:
+        """Cease to act, with a last safe output where there is one."""
+
+    @abstractmethod
+    def reset(self) -> None:
+        """Return to how it was at the start, while active."""
+
+    @abstractmethod
+    def pause(self, *, paused: bool) -> None:
+        """Hold or go on, while active."""
+
+    @abstractmethod
+    def status(self) -> Status:
+        """Say how the active node is doing."""
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Check all parameters and build; refuse with one message."""
+        self.configuring = True
+        begun_s = time.monotonic()
+        try:
+            self.build(self._table.resolve())
+        except ManifoldMpcError as error:
+            self._failure = str(error)
+            self.get_logger().error(f'refusing to configure: {error}')
+            return TransitionCallbackReturn.FAILURE
+        finally:
+            self.configuring = False
+        self._failure = ''
+        self._table.changeable = False
+        self.get_logger().info(f'configured in {time.monotonic() - begun_s:.1f} s')
+        return super().on_configure(state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Begin to act."""
+        result = super().on_activate(state)
+        self.start()
+        self.active = True
+        self.get_logger().info('active')
+        return result
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Cease to act; publishers stay open until the last output is out."""
+        self._cease()
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Forget the configuration."""
+        self.take_down()
+        self._table.changeable = True
+        return super().on_cleanup(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Cease to act for good."""
+        self._cease()
+        return super().on_shutdown(state)
+
+    def _cease(self) -> None:
+        """Stop if active."""
+        if self.active:
+            self.active = False
+            self.stop()
+
+    def publish_diagnostics(self) -> None:
+        """Publish the present status and the counters of everything refused."""
+        if self.active:
+            status = self.status()
+        elif self._failure:
+            status = Status(DiagnosticStatus.ERROR, self._failure, {'mode': 'UNCONFIGURED'})
+        else:
+            status = Status(DiagnosticStatus.OK, 'not active', {'mode': 'INACTIVE'})
+        for key, count in sorted(self.refusals.counts.items()):
+            status.values[f'refused.{key}'] = count
+        if self.refusals.latest:
+            status.values['refused_latest'] = self.refusals.latest
+        self._diagnostics.publish(to_diagnostics(
+            self.get_clock().now().nanoseconds, self.get_fully_qualified_name().lstrip('/'),
+            status.level, status.message, status.values))
+
+    def _on_reset(
+        self, _request: Trigger.Request, response: Trigger.Response,
+    ) -> Trigger.Response:
+        """Answer ``~/reset``."""
+        response.success, response.message = self.active, 'reset' if self.active else 'not active'
+        if self.active:
+            self.reset()
+        return response
+
+    def _on_pause(
+        self, request: SetBool.Request, response: SetBool.Response,
+    ) -> SetBool.Response:
+        """Answer ``~/pause``."""
+        response.success = self.active
+        if self.active:
+            self.pause(paused=request.data)
+            response.message = 'paused' if request.data else 'running'
+        else:
+            response.message = 'not active'
+        return response

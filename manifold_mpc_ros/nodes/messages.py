@@ -1,0 +1,171 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Between ROS messages and plain values; quaternions are x, y, z, w in messages only."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import Point, PoseStamped, Quaternion, Vector3, WrenchStamped
+from nav_msgs.msg import Odometry, Path
+from sensor_msgs.msg import Imu
+
+from manifold_mpc_ros.config_checks import FloatArray
+from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.nodes.gate import NANOSECONDS, RawState, StateSample
+
+#: First element of a covariance: the quantity is not provided (REP-145).
+NOT_PROVIDED = -1.0
+
+
+@dataclass(frozen=True)
+class StateFormat:
+    """What a state message carries beside the state: frames and variances."""
+
+    inertial_frame_id: str
+    body_frame_id: str
+    attitude_variance_rad2: float
+    rate_variance_rad2_s2: float
+
+
+def nanoseconds(stamp: Time) -> int:
+    """Return a stamp in nanoseconds."""
+    return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)
+
+
+def to_stamp(stamp_ns: int) -> Time:
+    """Return nanoseconds as a stamp."""
+    seconds, rest = divmod(stamp_ns, NANOSECONDS)
+    return Time(sec=seconds, nanosec=rest)
+
+
+def from_odometry(message: Odometry) -> RawState:
+    """Return attitude (pose) and body rate (twist, child frame) of an odometry message."""
+    rate = message.twist.twist.angular
+    return RawState(
+        stamp_ns=nanoseconds(message.header.stamp),
+        inertial_frame_id=message.header.frame_id,
+        body_frame_id=message.child_frame_id,
+        quaternion_xyzw=quaternion_values(message.pose.pose.orientation),
+        omega_BN_B=(rate.x, rate.y, rate.z),
+    )
+
+
+def from_imu(message: Imu) -> RawState:
+    """Return orientation and angular velocity of an IMU whose axes are the body's."""
+    rate = message.angular_velocity
+    return RawState(
+        stamp_ns=nanoseconds(message.header.stamp),
+        inertial_frame_id=None,
+        body_frame_id=message.header.frame_id,
+        quaternion_xyzw=quaternion_values(message.orientation),
+        omega_BN_B=(rate.x, rate.y, rate.z),
+        has_attitude=message.orientation_covariance[0] != NOT_PROVIDED,
+        has_rate=message.angular_velocity_covariance[0] != NOT_PROVIDED,
+    )
+
+
+def quaternion_values(quaternion: Quaternion) -> tuple[float, float, float, float]:
+    """Return the components x, y, z, w."""
+    return (quaternion.x, quaternion.y, quaternion.z, quaternion.w)
+
+
+def to_quaternion(R: FloatArray) -> Quaternion:
+    """Return a rotation matrix as a quaternion message, w >= 0."""
+    w, x, y, z = map(float, so3.quaternion_from_rotation(R))
+    return Quaternion(x=x, y=y, z=z, w=w)
+
+
+def to_odometry(sample: StateSample, form: StateFormat) -> Odometry:
+    """Return a state as odometry of a body that turns in place."""
+    message = Odometry(child_frame_id=form.body_frame_id)
+    message.header.frame_id = form.inertial_frame_id
+    message.header.stamp = to_stamp(sample.stamp_ns)
+    message.pose.pose.orientation = to_quaternion(sample.R_NB)
+    message.twist.twist.angular = to_vector(sample.omega_BN_B)
+    message.pose.covariance = _lower_diagonal(form.attitude_variance_rad2)
+    message.twist.covariance = _lower_diagonal(form.rate_variance_rad2_s2)
+    return message
+
+
+def to_imu(sample: StateSample, form: StateFormat) -> Imu:
+    """Return a state as an IMU with orientation and without accelerometers."""
+    message = Imu()
+    message.header.frame_id = form.body_frame_id
+    message.header.stamp = to_stamp(sample.stamp_ns)
+    message.orientation = to_quaternion(sample.R_NB)
+    message.angular_velocity = to_vector(sample.omega_BN_B)
+    message.orientation_covariance = (np.eye(3) * form.attitude_variance_rad2).ravel()
+    message.angular_velocity_covariance = (np.eye(3) * form.rate_variance_rad2_s2).ravel()
+    message.linear_acceleration_covariance[0] = NOT_PROVIDED
+    return message
+
+
+def to_torque(stamp_ns: int, torque_B: FloatArray, body_frame_id: str) -> WrenchStamped:
+    """Return a body torque as a wrench without force."""
+    message = WrenchStamped()
+    message.header.stamp = to_stamp(stamp_ns)
+    message.header.frame_id = body_frame_id
+    message.wrench.torque = to_vector(torque_B)
+    return message
+
+
+def from_torque(message: WrenchStamped) -> tuple[float, float, float]:
+    """Return the torque of a wrench."""
+    torque = message.wrench.torque
+    return (torque.x, torque.y, torque.z)
+
+
+def to_vector(values: FloatArray) -> Vector3:
+    """Return three numbers as a vector message."""
+    x, y, z = map(float, values)
+    return Vector3(x=x, y=y, z=z)
+
+
+def to_path(
+    stamp_ns: int, step_s: float, attitudes: FloatArray, inertial_frame_id: str,
+) -> Path:
+    """Return predicted attitudes (N+1, 3, 3) as poses with the stamps they are predicted for.
+
+    Each position is the tip of the body x axis, so that a viewer draws the slew as a curve on the
+    unit sphere about the origin.
+    """
+    path = Path()
+    path.header.frame_id = inertial_frame_id
+    path.header.stamp = to_stamp(stamp_ns)
+    for index, R_NB in enumerate(attitudes):
+        pose = PoseStamped()
+        pose.header.frame_id = inertial_frame_id
+        pose.header.stamp = to_stamp(stamp_ns + round(index * step_s * NANOSECONDS))
+        pose.pose.orientation = to_quaternion(R_NB)
+        x, y, z = map(float, R_NB[:, 0])
+        pose.pose.position = Point(x=x, y=y, z=z)
+        path.poses.append(pose)
+    return path
+
+
+def to_diagnostics(
+    stamp_ns: int, name: str, level: bytes, message: str, values: Mapping[str, object],
+) -> DiagnosticArray:
+    """Return one status as a diagnostic array."""
+    array = DiagnosticArray()
+    array.header.stamp = to_stamp(stamp_ns)
+    pairs: Sequence[KeyValue] = [
+        KeyValue(key=key, value=_text(value)) for key, value in values.items()]
+    array.status = [DiagnosticStatus(
+        level=level, name=name, message=message, hardware_id='', values=pairs)]
+    return array
+
+
+def _text(value: object) -> str:
+    """Return a diagnostic value as text; numbers short enough to read."""
+    return f'{value:.6g}' if isinstance(value, float) else str(value)
+
+
+def _lower_diagonal(variance: float) -> FloatArray:
+    """Return a 6x6 covariance, flat, with one variance about the three axes of rotation."""
+    return np.diag([0.0, 0.0, 0.0, variance, variance, variance]).ravel()

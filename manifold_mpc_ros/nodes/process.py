@@ -1,0 +1,121 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The life of a node's process: arguments, start, signals, orderly end.
+
+Exit status: 0 after SIGINT or SIGTERM, 1 when the node cannot start (one message says why), 2 for
+arguments that nobody knows.
+"""
+
+from __future__ import annotations
+
+import importlib
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from types import FrameType
+from typing import TYPE_CHECKING
+
+from manifold_mpc_ros.config_yaml import check_parameter_file
+from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.nodes.usage import Arguments, Program, parse_arguments
+
+if TYPE_CHECKING:
+    from manifold_mpc_ros.nodes.managed_node import ManagedNode
+
+#: Longest wait in the executor; a signal is seen within it [s].
+_SPIN_S = 0.1
+
+
+class StopRequest:
+    """Remembers that SIGINT or SIGTERM came, and ends what must not be waited for.
+
+    rclpy's own handlers would take the context away before a last command could be sent, so the
+    process uses these. While nothing has started yet, or the node is busy configuring (the solver
+    may take seconds to build), the signal ends the process at once through SystemExit(0).
+    """
+
+    def __init__(self) -> None:
+        """Take over both signals."""
+        self.requested = False
+        self.at_once: Callable[[], bool] = lambda: True
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._handle)
+
+    def _handle(self, _number: int, _frame: FrameType | None) -> None:
+        """Note the request; unwind now where that is allowed."""
+        self.requested = True
+        if self.at_once():
+            raise SystemExit(0)
+
+
+def run(program: Program, node_class: str, argv: Sequence[str] | None = None) -> int:
+    """Run one node until a signal ends it; return the exit status of the process.
+
+    ``node_class`` is 'module:Class', imported late, so that ``--help`` needs no ROS.
+    """
+    stop = StopRequest()
+    arguments = parse_arguments(program, sys.argv[1:] if argv is None else argv)
+    try:
+        for path in arguments.parameter_files:
+            check_parameter_file(path)
+    except ConfigurationError as error:
+        return _fail(program, error)
+    try:
+        import rclpy
+    except ImportError as error:
+        return _fail(program, f'ROS 2 is not available ({error})')
+    try:
+        return _run_with_ros(program, node_class, arguments, stop)
+    finally:
+        stop.at_once = lambda: False
+        rclpy.try_shutdown()
+
+
+def _run_with_ros(
+    program: Program, node_class: str, arguments: Arguments, stop: StopRequest,
+) -> int:
+    """Initialise ROS, start the node, spin until the end."""
+    import rclpy
+    from rclpy.exceptions import NameValidationException, ParameterException
+    from rclpy.signals import SignalHandlerOptions
+
+    module, _, name = node_class.partition(':')
+    factory = getattr(importlib.import_module(module), name)
+    try:
+        rclpy.init(args=[program.executable, *arguments.ros],
+                   signal_handler_options=SignalHandlerOptions.NO)
+        node = factory(program, complete=bool(arguments.parameter_files))
+    except (RuntimeError, ParameterException, NameValidationException) as error:
+        return _fail(program, ' '.join(str(error).split()))
+    stop.at_once = lambda: node.configuring
+    try:
+        return _live(node, stop)
+    finally:
+        node.destroy_node()
+
+
+def _live(node: ManagedNode, stop: StopRequest) -> int:
+    """Start the node when it starts by itself, spin, and end it in order."""
+    from rclpy.executors import SingleThreadedExecutor
+    from rclpy.lifecycle import TransitionCallbackReturn
+
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    try:
+        if node.autostart:
+            for transition in (node.trigger_configure, node.trigger_activate):
+                if transition() != TransitionCallbackReturn.SUCCESS:
+                    return 0 if stop.requested else 1
+        while not stop.requested:
+            executor.spin_once(timeout_sec=_SPIN_S)
+        return 0
+    finally:
+        if node.active:
+            node.trigger_deactivate()
+        executor.shutdown(timeout_sec=0)
+
+
+def _fail(program: Program, reason: object) -> int:
+    """Say on stderr why the process ends; return its exit status."""
+    sys.stderr.write(f'{program.executable}: {reason}\n')
+    return 1

@@ -1,0 +1,143 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""An observer of the closed loop: records states and commands, remembers the latest mode."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from types import TracebackType
+
+import numpy as np
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import WrenchStamped
+from nav_msgs.msg import Odometry
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from manifold_mpc_ros.config_checks import FloatArray
+from manifold_mpc_ros.config_tables import CONTROLLER_NAME
+from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.nodes import messages
+from manifold_mpc_ros.nodes.gate import NANOSECONDS
+from manifold_mpc_ros.nodes.managed_node import INPUT_QOS
+
+NODE_NAME = 'manifold_mpc_recorder'
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """What was seen: n states and m commands, times from the first state on."""
+
+    state_time_s: FloatArray   # (n,) stamps [s]
+    R_NB: FloatArray           # (n, 3, 3)
+    omega_BN_B: FloatArray     # (n, 3) [rad/s]
+    torque_time_s: FloatArray  # (m,) stamps of the states that the commands answer [s]
+    torque_B_n_m: FloatArray   # (m, 3)
+
+
+class Recorder:
+    """A node of its own context that listens to ``odometry``, ``torque_command``, diagnostics.
+
+    Use as a context manager; it does not touch rclpy's default context nor any signal handler.
+    """
+
+    def __init__(self, domain_id: int, namespace: str = '') -> None:
+        """Join a domain and subscribe."""
+        self._context = Context()
+        rclpy.init(context=self._context, domain_id=domain_id,
+                   signal_handler_options=SignalHandlerOptions.NO)
+        self._node = Node(NODE_NAME, context=self._context, namespace=namespace,
+                          enable_rosout=False, start_parameter_services=False)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        for kind, topic, callback in (
+            (Odometry, 'odometry', self._on_odometry),
+            (WrenchStamped, 'torque_command', self._on_torque),
+            (DiagnosticArray, '/diagnostics', self._on_diagnostics),
+        ):
+            self._node.create_subscription(kind, topic, callback, INPUT_QOS)
+        self._stamps_ns: list[int] = []
+        self._attitudes: list[FloatArray] = []
+        self._rates: list[tuple[float, float, float]] = []
+        self._torque_stamps_ns: list[int] = []
+        self._torques: list[tuple[float, float, float]] = []
+        self.mode = ''
+        self.solver: dict[str, str] = {}
+
+    def __enter__(self) -> Recorder:
+        """Return the recorder."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Leave the domain."""
+        self._executor.shutdown(timeout_sec=0)
+        self._node.destroy_node()
+        rclpy.try_shutdown(context=self._context)
+
+    @property
+    def states(self) -> int:
+        """Number of states seen."""
+        return len(self._stamps_ns)
+
+    @property
+    def commands(self) -> int:
+        """Number of torque commands seen."""
+        return len(self._torques)
+
+    def latest_state(self) -> tuple[float, FloatArray, FloatArray]:
+        """Return time since the first state [s], attitude and body rate of the last one."""
+        elapsed_s = (self._stamps_ns[-1] - self._stamps_ns[0]) / NANOSECONDS
+        return elapsed_s, self._attitudes[-1], np.array(self._rates[-1])
+
+    def latest_torque(self) -> FloatArray:
+        """Return the last torque seen (3,) [N m]."""
+        return np.array(self._torques[-1])
+
+    def listen(self, duration_s: float) -> None:
+        """Take in messages for a while of wall clock."""
+        end_s = time.monotonic() + duration_s
+        while (left_s := end_s - time.monotonic()) > 0.0:
+            self._executor.spin_once(timeout_sec=left_s)
+
+    def recording(self) -> Recording:
+        """Return everything seen so far as arrays."""
+        first_ns = self._stamps_ns[0] if self._stamps_ns else 0
+        return Recording(
+            state_time_s=_seconds(self._stamps_ns, first_ns),
+            R_NB=np.array(self._attitudes).reshape(-1, 3, 3),
+            omega_BN_B=np.array(self._rates).reshape(-1, 3),
+            torque_time_s=_seconds(self._torque_stamps_ns, first_ns),
+            torque_B_n_m=np.array(self._torques).reshape(-1, 3),
+        )
+
+    def _on_odometry(self, message: Odometry) -> None:
+        """Record a state."""
+        state = messages.from_odometry(message)
+        x, y, z, w = state.quaternion_xyzw
+        self._stamps_ns.append(state.stamp_ns)
+        self._attitudes.append(so3.rotation_from_quaternion([w, x, y, z]))
+        self._rates.append(state.omega_BN_B)
+
+    def _on_torque(self, message: WrenchStamped) -> None:
+        """Record a command."""
+        self._torque_stamps_ns.append(messages.nanoseconds(message.header.stamp))
+        self._torques.append(messages.from_torque(message))
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        """Remember what the controller last said about itself."""
+        for status in message.status:
+            if status.name.rpartition('/')[2] == CONTROLLER_NAME:
+                self.solver = {pair.key: pair.value for pair in status.values}
+                self.mode = self.solver.get('mode', '')
+
+
+def _seconds(stamps_ns: list[int], first_ns: int) -> FloatArray:
+    """Return stamps as seconds since the first state."""
+    return np.array([(stamp_ns - first_ns) / NANOSECONDS for stamp_ns in stamps_ns])

@@ -1,0 +1,142 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What to command at a tick: pure logic, states and a time in, one finite command out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Protocol
+
+import numpy as np
+
+from manifold_mpc_ros.config_checks import FloatArray
+from manifold_mpc_ros.errors import ManifoldMpcError
+from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpcSolution, SolveStatus
+from manifold_mpc_ros.nodes.gate import NANOSECONDS, StateSample
+
+
+class Mode(str, Enum):
+    """What the active controller is doing."""
+
+    WAIT = 'WAIT'          # zero torque, no valid state has come yet
+    NOMINAL = 'NOMINAL'    # the torque of the optimiser
+    COAST = 'COAST'        # zero torque, there is no usable state or no usable solution
+    PAUSED = 'PAUSED'      # zero torque, by the operator
+
+
+class Solver(Protocol):
+    """What the loop needs of `AttitudeMpc`."""
+
+    def solve(
+        self, R_NB: FloatArray, omega_BN_B: FloatArray, R_ND: FloatArray | None = None,
+    ) -> AttitudeMpcSolution:
+        """Return the optimal torques from a measured state to the commanded attitude."""
+
+    def reset(self) -> None:
+        """Forget the warm start."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """One decided torque: finite, within the limits, and why it is what it is."""
+
+    stamp_ns: int
+    torque_B_n_m: FloatArray
+    mode: Mode
+    reason: str
+    solution: AttitudeMpcSolution | None = None
+
+    @property
+    def source(self) -> str:
+        """Where the torque comes from: 'mpc' or 'zero'."""
+        return 'mpc' if self.mode is Mode.NOMINAL else 'zero'
+
+
+class ControlLoop:
+    """The controller between messages: latest state, setpoint, pause, and the decision.
+
+    Arguments
+    ---------
+    solver
+        `AttitudeMpc` or anything with its `solve` and `reset`.
+    max_torque_n_m
+        Limits (3,) that every command is held to, None for none.
+    timeout_s
+        Age of the state above which the command is zero [s].
+    initial_setpoint
+        'identity', or 'hold' for the first attitude that comes.
+
+    """
+
+    def __init__(
+        self, solver: Solver, *, max_torque_n_m: FloatArray | None, timeout_s: float,
+        initial_setpoint: str,
+    ) -> None:
+        """Start without a state, at the initial setpoint."""
+        self._solver = solver
+        self._limit = np.full(3, np.inf) if max_torque_n_m is None else max_torque_n_m
+        self._timeout_ns = round(timeout_s * NANOSECONDS)
+        self._hold = initial_setpoint == 'hold'
+        self.paused = False
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget state, setpoint and warm start, as at the start; a pause stays."""
+        self._sample: StateSample | None = None
+        self._R_ND: FloatArray | None = None if self._hold else np.eye(3)
+        self.commanded = False
+        self._solver.reset()
+
+    @property
+    def state_stamp_ns(self) -> int | None:
+        """Stamp of the latest state, None before the first."""
+        return None if self._sample is None else self._sample.stamp_ns
+
+    def admit(self, sample: StateSample, *, restarted: bool = False) -> None:
+        """Take a state that passed the gate; the warm start ends where time started again."""
+        if restarted:
+            self._solver.reset()
+        self._sample = sample
+        if self._R_ND is None:
+            self._R_ND = sample.R_NB
+
+    def aim(self, R_ND: FloatArray) -> None:
+        """Take a commanded attitude that passed the gate."""
+        self._R_ND = R_ND
+        self.commanded = True
+
+    def tick(self, now_ns: int | None) -> Command:
+        """Return the command of this tick; ``now_ns`` None (lockstep) means the state is new."""
+        sample = self._sample
+        if sample is None:
+            return self._zero(now_ns or 0, Mode.WAIT, 'waiting for the first valid state')
+        if self.paused:
+            return self._zero(sample.stamp_ns, Mode.PAUSED, 'paused by the operator')
+        age_ns = 0 if now_ns is None else now_ns - sample.stamp_ns
+        if age_ns > self._timeout_ns:
+            return self._zero(
+                sample.stamp_ns, Mode.COAST, f'the state is {age_ns / NANOSECONDS:.3f} s old')
+        return self._solve(sample)
+
+    def _solve(self, sample: StateSample) -> Command:
+        """Return the optimal torque, or zero when there is no finite one."""
+        try:
+            solution = self._solver.solve(sample.R_NB, sample.omega_BN_B, self._R_ND)
+        except ManifoldMpcError as error:
+            self._solver.reset()
+            return self._zero(sample.stamp_ns, Mode.COAST, str(error))
+        torque = np.asarray(solution.torque_B_n_m, dtype=np.float64)
+        if solution.status == SolveStatus.FAILED or not np.isfinite(torque).all():
+            self._solver.reset()
+            return self._zero(sample.stamp_ns, Mode.COAST, 'the solver failed', solution)
+        return Command(
+            sample.stamp_ns, np.clip(torque, -self._limit, self._limit), Mode.NOMINAL,
+            f'solver: {SolveStatus(solution.status).value}', solution)
+
+    def _zero(
+        self, stamp_ns: int, mode: Mode, reason: str,
+        solution: AttitudeMpcSolution | None = None,
+    ) -> Command:
+        """Return a command of zero torque."""
+        return Command(stamp_ns, np.zeros(3), mode, reason, solution)
