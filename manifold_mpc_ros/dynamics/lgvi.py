@@ -6,8 +6,12 @@ The rotation f over a step of h seconds solves f J_d - J_d f^T = m^x with m = h 
 the body momentum and J_d = tr(J)/2 I - J the nonstandard inertia (the paper's "J" in this
 equation). Units: J in kg m^2, m in kg m^2 rad, omega_BN_B in rad/s, tau_B in N m.
 
-The step is guaranteed to exist while |m| stays below the smallest principal inertia; the
-functions refuse momenta beyond with a typed error. The formulas are in `scalar_form`.
+While |m| is below the smallest principal inertia there is exactly one step below 90 degrees:
+m . c = 2 c . J c / (1 + |c|^2) bounds the angle by sin(angle) <= |m| / lambda_min(J), and below
+90 degrees the map from f to m is locally invertible, since sym(J_d^(1/2) f J_d^(1/2)) is
+positive semidefinite. Momenta beyond are refused with a typed error.
+
+The formulas are in `scalar_form`; one body and a batch of them run the same lines.
 """
 
 from __future__ import annotations
@@ -42,8 +46,9 @@ def nonstandard_inertia(J: ArrayLike) -> Array:
 def cayley_step(m: ArrayLike, J: ArrayLike) -> Array:
     """Map m = h Pi (..., 3) to c (..., 3) with m + m x c + (c . m) c - 2 J c = 0.
 
-    The rotation over the step is cay(c). Newton from c = 0, on the branch through 0, where
-    sym(f J_d) is positive semidefinite and |c| < 1 (a step below 90 degrees).
+    The rotation over the step is cay(c). Newton from c = 0 to the one root below 90 degrees,
+    |c| < 1; its angle is at most arcsin(|m| / lambda_min(J)). The residual left is 1e-15 of J,
+    for every direction and body tried, up to 1 - 1e-12 of the bound (test_lgvi_implicit.py).
 
     Raises StepExistenceError when |m| reaches the smallest eigenvalue of J (..., 3, 3).
     """
@@ -53,19 +58,20 @@ def cayley_step(m: ArrayLike, J: ArrayLike) -> Array:
 def riccati_step(m: ArrayLike, J: ArrayLike) -> Array:
     """Map m = h Pi (..., 3) to f (..., 3, 3) by the paper's algebraic Riccati equation.
 
-    f = (M/2 + S) J_d^-1, -(M/2)^T S - S M/2 - S^2 + (J_d^2 + M^2/4) = 0, M = m^x, S = sym(f J_d).
-    Needs J_d positive definite (no flat body). One Schur form an item: slow in batches.
+    f = (M/2 + S) J_d^-1, -(M/2)^T S - S M/2 - S^2 + (J_d^2 + M^2/4) = 0, M = m^x. See
+    `riccati_route` for the solution; it takes one Schur form an item, so batches are slow.
+    Agrees with `cayley_step` to 1e-12 up to 0.99 of the bound (test_lgvi_implicit.py).
 
-    Raises StepExistenceError when |m| reaches the smallest eigenvalue of J (..., 3, 3).
+    Raises StepExistenceError like `cayley_step`, and for a flat body (J_d singular).
     """
     m = np.asarray(m, dtype=np.float64)
     J = np.asarray(J, dtype=np.float64)
     _require_existence(_to_vector(m), _to_matrix(J))
     shape = np.broadcast_shapes(m.shape[:-1], J.shape[:-2])
     momenta = np.broadcast_to(m, (*shape, 3)).reshape(-1, 3)
-    inertias = np.broadcast_to(nonstandard_inertia(J), (*shape, 3, 3)).reshape(-1, 3, 3)
-    steps = [solve_riccati(one, J_d) for one, J_d in zip(momenta, inertias, strict=True)]
-    return np.array(steps).reshape(*shape, 3, 3)
+    inertias = np.broadcast_to(J, (*shape, 3, 3)).reshape(-1, 3, 3)
+    steps = [solve_riccati(*one) for one in zip(momenta, inertias, strict=True)]
+    return np.reshape(steps, (*shape, 3, 3))
 
 
 def legendre(c: ArrayLike, J: ArrayLike) -> Array:
@@ -101,9 +107,12 @@ def lgvi_step(
     p = Pi, Pi' = f^T p + h tau.
 
     Rounding: both updates are increments, R_NB + R_NB (f - I) and
-    omega + J^-1 ((f - I)^T p + h tau), so that a free body keeps its momentum and energy; and
+    omega + J^-1 ((f - I)^T p + h tau), which loses no momentum or energy of a free body; and
     R_NB' is re-normalised by one Newton step of the polar decomposition, which moves it by
     rounding only, because a steady spin repeats the same rounding error in every step.
+    After 10^6 free steps: orthogonality 5e-16 (1.3e-13 without re-normalisation), inertial
+    momentum 2e-13 and energy 1e-13 relative (test_lgvi_long_run.py). Orders of convergence:
+    test_lgvi_convergence.py. A body of a batch gets the bits it gets alone (test_lgvi.py).
 
     Raises StepExistenceError when |h p| reaches the smallest principal inertia, and
     ConfigurationError for an unknown forcing or solver.
@@ -144,9 +153,7 @@ def _increment_solver(solver: str) -> Callable[[Vector, Matrix], Matrix]:
     if solver == 'cayley':
         return lambda m, J: scalar_form.rotation_increment(_solve_cayley(m, J))
     if solver == 'riccati':
-        return lambda m, J: _to_matrix(
-            riccati_step(_from_vector(m), _from_matrix(J)) - np.eye(3)
-        )
+        return lambda m, J: _to_matrix(riccati_step(_from_vector(m), _from_matrix(J)) - np.eye(3))
     raise ConfigurationError('solver', solver, "'cayley' or 'riccati'")
 
 

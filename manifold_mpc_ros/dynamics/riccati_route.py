@@ -6,35 +6,49 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, schur
+from scipy.linalg import schur
 
 from manifold_mpc_ros.errors import StepExistenceError
 from manifold_mpc_ros.lie.so3 import hat
 
+# The route divides by J_d: its smallest eigenvalue must be above this part of the trace.
+FLAT_BODY = 1e-6
 
-def solve_riccati(m: NDArray[np.float64], J_d: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Map m = h Pi (3,) and J_d (3, 3) to f (3, 3) with f J_d - J_d f^T = m^x.
 
-    f = (M/2 + S) J_d^-1, where M = m^x and S = sym(f J_d) is the stabilising solution of
-    -(M/2)^T S - S M/2 - S^2 + (J_d^2 + M^2/4) = 0 (closed loop -M/2 - S = -f J_d), read from
-    the stable invariant subspace [U1; U2] of the Hamiltonian matrix: S = U2 U1^-1.
+def solve_riccati(m: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Map m = h Pi (3,) and J (3, 3) to f (3, 3) with f J_d - J_d f^T = m^x.
 
-    The printed condition J_d^2 + M^2/4 >= 0 is sufficient only: the stable subspace exists as
-    long as det(s^2 I + s M - J_d^2) has no imaginary root, which holds beyond it.
+    f = (M/2 + S) J_d^-1, where M = m^x and S is the stabilising solution of
+    -(M/2)^T S - S M/2 - S^2 + (J_d^2 + M^2/4) = 0, so that the closed loop -M/2 - S = -f J_d is
+    stable. S = U2 U1^-1 for the stable invariant subspace [U1; U2] of the Hamiltonian matrix.
 
-    Raises StepExistenceError when there is no three-dimensional stable subspace, as for a flat
-    body (J_d singular); the Cayley route has no such limit.
+    Two departures from the paper. The condition J_d^2 + M^2/4 >= 0 printed there is sufficient
+    only: the subspace exists while det(s^2 I + s M - J_d^2) has no imaginary root, which is
+    more. And S need not be positive definite: on the branch of small steps it is
+    J_d^(1/2) f J_d^(1/2) that has a positive definite symmetric part, not S = sym(f J_d).
+
+    The equation is solved for m and J_d divided by tr(J_d), so units do not matter. The error
+    is about 1e-15 tr(J_d) / lambda_min(J_d) (test_lgvi_implicit.py).
+
+    Raises StepExistenceError for a flat body (J_d singular) or an impossible one (J_d
+    indefinite), where the route does not exist; the Cayley route has no such limit.
     """
-    half = 0.5 * hat(m)
+    J_d = 0.5 * np.trace(J) * np.eye(3) - J
+    scale = np.trace(J_d)
+    smallest = np.linalg.eigvalsh(J_d)[0]
+    if smallest <= FLAT_BODY * scale:
+        raise StepExistenceError(
+            f'the Riccati route needs a positive definite J_d = tr(J)/2 I - J (no flat body); '
+            f'its smallest eigenvalue is {smallest:.6g} kg m^2'
+        )
+    J_d, half = J_d / scale, 0.5 / scale * hat(m)
     hamiltonian = np.block([[-half, -np.eye(3)], [-(J_d @ J_d + half @ half), -half]])
-    try:
-        _, basis, stable = schur(hamiltonian, sort='lhp')
-    except LinAlgError as error:
-        raise StepExistenceError('the Schur form of the Riccati route failed') from error
+    _, basis, stable = schur(hamiltonian, sort='lhp')
     if stable != 3:
         raise StepExistenceError(
-            f'the Riccati route found {stable} stable directions instead of 3: J_d must be '
-            'positive definite (no flat body)'
+            f'the Riccati route found {stable} stable directions instead of 3: the momentum is '
+            'too close to the existence bound'
         )
-    S = np.linalg.solve(basis[:3, :3].T, basis[3:, :3].T).T
-    return np.asarray(np.linalg.solve(J_d.T, (half + 0.5 * (S + S.T)).T).T)
+    S = np.linalg.solve(basis[:3, :3].T, basis[3:, :3].T)
+    f_T = np.linalg.solve(J_d, 0.5 * (S + S.T) - half)
+    return f_T.T
