@@ -5,13 +5,14 @@
 ros2 launch manifold_mpc_ros attitude_control.launch.py namespace:=sat1 with_simulator:=false
 """
 
-from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
+
+from launch import LaunchDescription
 
 PACKAGE = 'manifold_mpc_ros'
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from manifold_mpc_ros.config_checks import FloatArray
 from manifold_mpc_ros.errors import ManifoldMpcError
-from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpcSolution, SolveStatus
+from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 from manifold_mpc_ros.nodes.gate import NANOSECONDS, StateSample
 
 
