@@ -1,0 +1,76 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""CasADi forms of the SO(3) formulas, for prediction inside the optimiser.
+
+Attitudes are unit quaternions ``(w, x, y, z)`` of ``R_NB``; ``q`` and ``-q`` give the same
+value everywhere. Divisions are made harmless before a branch is selected, so that neither
+value nor derivative is ``0/0`` (``if_else`` evaluates both sides).
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+
+# Below this squared half-angle sine the series is exact to double precision.
+_SMALL = 1e-8
+
+
+def hat(v: ca.SX) -> ca.SX:
+    """Map v (3,) to the skew matrix with ``hat(v) @ w = v x w``."""
+    return ca.skew(v)
+
+
+def vee_of_skew_part(z: ca.SX) -> ca.SX:
+    """Map Z (3, 3) to ``vee(Z - Z^T)``, the gradient of ``-tr(Z exp(hat d))`` at ``d = 0``."""
+    return ca.vertcat(z[2, 1] - z[1, 2], z[0, 2] - z[2, 0], z[1, 0] - z[0, 1])
+
+
+def trace_hessian(s: ca.SX) -> ca.SX:
+    """Map a symmetric S (3, 3) to ``tr(S) I - S``."""
+    return ca.trace(s) * ca.SX.eye(3) - s
+
+
+def quaternion_product(p: ca.SX, q: ca.SX) -> ca.SX:
+    """Return the Hamilton product ``p q`` of quaternions (w, x, y, z)."""
+    pw, pv, qw, qv = p[0], p[1:4], q[0], q[1:4]
+    return ca.vertcat(pw * qw - ca.dot(pv, qv), pw * qv + qw * pv + ca.cross(pv, qv))
+
+
+def rotation_from_quaternion(q: ca.SX) -> ca.SX:
+    """Map a unit quaternion (w, x, y, z) to its rotation matrix (3, 3)."""
+    v = hat(q[1:4])
+    return ca.SX.eye(3) + 2 * q[0] * v + 2 * v @ v
+
+
+def cayley_quaternion(c: ca.SX) -> ca.SX:
+    """Map a Cayley parameter c (3,) to the unit quaternion of ``cay(c)``."""
+    return ca.vertcat(1, c) / ca.sqrt(1 + ca.dot(c, c))
+
+
+def quaternion_log(q: ca.SX) -> ca.SX:
+    """Map a unit quaternion to its rotation vector, ``2 atan2(|v|, |w|) v/|v|``, length <= pi.
+
+    At exactly 180 degrees (w = 0) the vector part decides the side, so the length stays pi.
+    """
+    w = ca.fabs(q[0])
+    v = ca.if_else(q[0] >= 0, q[1:4], -q[1:4])
+    squared = ca.dot(v, v)
+    small = squared < _SMALL
+    sine = ca.sqrt(ca.if_else(small, 1, squared))
+    ratio = squared / ca.if_else(small, w * w, 1)
+    series = 2 / ca.if_else(small, w, 1) * (1 - ratio / 3 + ratio * ratio / 5)
+    return ca.if_else(small, series, 2 * ca.atan2(sine, w) / sine) * v
+
+
+def right_jacobian_inverse(phi: ca.SX) -> ca.SX:
+    """Map a rotation vector (3,), |phi| <= pi, to ``d Log(exp(phi) exp(d)) / d d`` at 0.
+
+    ``I + hat(phi)/2 + (1/a^2 - cot(a/2)/(2a)) hat(phi)^2`` with ``a = |phi|``.
+    """
+    squared = ca.dot(phi, phi)
+    small = squared < 1e-4
+    angle = ca.sqrt(ca.if_else(small, 1, squared))
+    closed = (1 - angle / 2 * ca.cos(angle / 2) / ca.sin(angle / 2)) / (angle * angle)
+    series = 1 / 12 + squared * (1 / 720 + squared * (1 / 30240 + squared / 1209600))
+    v = hat(phi)
+    return ca.SX.eye(3) + v / 2 + ca.if_else(small, series, closed) * (v @ v)

@@ -1,0 +1,178 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The attitude controller: a configuration in, a torque per measured state out."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from manifold_mpc_ros.config import AttitudeMpcConfig
+from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.mpc import search
+from manifold_mpc_ros.mpc.engine import Engine, Trajectory
+from manifold_mpc_ros.mpc.scaling import Array, flat_parameters, scaling_of
+from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
+from manifold_mpc_ros.mpc.sweep import Structure
+from manifold_mpc_ros.mpc.terminal import TerminalDesign, design_terminal
+
+# Barrier parameter of a warm start.
+WARM_BARRIER = 1e-3
+# A relative violation of a state limit above this makes a plan infeasible.
+VIOLATION = 1e-6
+# The warm plan is kept while its value stays within this of what the last plan promised.
+PROMISE = 1e-2
+# A commanded attitude that moved by more than this [rad] forgets the warm start.
+SETPOINT_MOVED_RAD = 1e-3
+
+
+def structure_of(config: AttitudeMpcConfig) -> Structure:
+    """Map a configuration to the structure that its solver is generated for."""
+    return Structure(config.horizon, config.forcing == 'symmetric',
+                     config.max_torque_n_m is not None, config.max_rate_rad_s is not None,
+                     config.terminal_constraint)
+
+
+class AttitudeMpc:
+    """Model predictive control on SO(3), paper eq. (mpcopt) with the LGVI as its model.
+
+    ``solve`` maps a measured (R_NB, omega_BN_B) and a commanded R_ND to the plan that minimises
+
+        sum_k tr(Qg (I - g_k)) + tr(Qf (I - f_k)) / h^2 + tr(u_k^T R u_k) / 2 + xi_N^T P xi_N / 2
+
+    with ``g = R_ND^T R_NB``, subject to torque limits (hard), rate limits at k >= 1 and the
+    terminal set (both exact penalties, so that there is always a plan). From a cold start the
+    search covers both sides of the 180 degree set and the torque octants; later ticks improve
+    the shifted plan, which keeps the side of the turn, and search again only when the plan's
+    value breaks the decrease promised by the last one.
+    """
+
+    def __init__(self, config: AttitudeMpcConfig, *, backend: str = 'auto',
+                 cache_dir: str | Path | None = None) -> None:
+        """Design the terminal set, then build or load the solver (seconds at the first start).
+
+        Raises
+        ------
+        DesignError
+            When the terminal design does not exist.
+        SolverBuildError
+            When ``backend='c'`` and the solver cannot be compiled.
+
+        """
+        self.config = config
+        self.terminal: TerminalDesign = design_terminal(config)
+        self._unit = scaling_of(config)
+        structure = structure_of(config)
+        parameters = flat_parameters(config, self.terminal.P, self.terminal.K, self.terminal.c)
+        self._engine = Engine(structure, parameters, backend, cache_dir)
+        self._pool = [Trajectory(structure) for _ in search.starts(structure.torque_box)]
+        self._plan = Trajectory(structure)
+        self._shifted = Trajectory(structure)
+        self._guard = float(np.linalg.eigvalsh(config.inertia_kg_m2)[0])
+        self._R_ND = np.eye(3)
+        self._promised: float | None = None
+
+    @property
+    def backend(self) -> str:
+        """'c' for compiled code, 'vm' for CasADi's virtual machine."""
+        return self._engine.backend
+
+    def reset(self) -> None:
+        """Forget the warm start; the next solve searches globally."""
+        self._promised = None
+
+    def solve(self, R_NB: ArrayLike, omega_BN_B: ArrayLike, R_ND: ArrayLike | None = None
+              ) -> AttitudeMpcSolution:
+        """Map a measured state to a plan.
+
+        Arguments
+        ---------
+        R_NB
+            Attitude (3, 3), body components to inertial ones.
+        omega_BN_B
+            Body rate (3,) [rad/s].
+        R_ND
+            Commanded attitude (3, 3); the identity when None.
+
+        """
+        begin = time.perf_counter()
+        attitude, omega = np.asarray(R_NB, dtype=float), np.asarray(omega_BN_B, dtype=float)
+        target = np.eye(3) if R_ND is None else np.asarray(R_ND, dtype=float)
+        if not self._predictable(attitude, omega, target):
+            self.reset()
+            return self._failed(attitude, omega, time.perf_counter() - begin)
+        if so3.angle(target.T @ self._R_ND) > SETPOINT_MOVED_RAD:
+            self.reset()
+        self._R_ND = target
+        error = so3.attitude_error_B(target, attitude)
+        self._engine.set_state(so3.quaternion_from_rotation(error), omega * self._unit.time_s)
+        plan, passes, searched = self._find_plan()
+        if plan is None:
+            self.reset()
+            return self._failed(attitude, omega, time.perf_counter() - begin)
+        self._plan.copy_from(plan)
+        self._promised = self._value_after_first_step()
+        return self._report(passes, searched, begin)
+
+    def _find_plan(self) -> tuple[Trajectory | None, int, bool]:
+        """Return the plan from the engine's state, passes used, and whether it was searched."""
+        passes = 0
+        if self._promised is not None:
+            self._shifted.copy_from(self._engine.begin_plan(self._plan.torques[1:], 0.0))
+            warm = self._engine.begin_plan(self._plan.torques[1:], WARM_BARRIER)
+            warm = self._engine.iterate(search.MOST_PASSES)
+            passes = int(warm.progress.passes)
+            if search.is_converged(warm) and self._keeps_promise(warm.progress.cost):
+                return warm, passes, False
+        best, searched = search.global_search(self._engine, self._pool)
+        if best is not None and self._promised is not None and (
+                self._shifted.progress.cost < best.progress.cost):
+            best = self._shifted
+        return best, passes + searched, True
+
+    def _keeps_promise(self, value: float) -> bool:
+        """Return whether a plan's value (with penalties) is what the last plan promised."""
+        assert self._promised is not None
+        return value <= self._promised + PROMISE * max(abs(self._promised), 1e-3)
+
+    def _value_after_first_step(self) -> float:
+        """Return ``V - L`` (dimensionless), the bound on the value at the next tick."""
+        node, torque = self._plan.nodes[0], self._plan.torques[0]
+        return float(self._plan.progress.cost) - self._engine.stage_cost(node, torque)
+
+    def _predictable(self, attitude: Array, omega: Array, target: Array) -> bool:
+        """Return whether the state is finite, on SO(3), and inside the existence guard."""
+        if not all(np.isfinite(value).all() for value in (attitude, omega, target)):
+            return False
+        if not (so3.is_rotation(attitude, 1e-6) and so3.is_rotation(target, 1e-6)):
+            return False
+        momentum = self.config.step_s * self.config.inertia_kg_m2 @ omega
+        return bool(np.linalg.norm(momentum) < self._guard)
+
+    def _report(self, passes: int, searched: bool, begin: float) -> AttitudeMpcSolution:
+        """Return the current plan in SI units."""
+        plan, unit = self._plan, self._unit
+        torques = plan.torques * unit.torque_n_m
+        violation = float(np.max(plan.elastic, initial=0.0))
+        status = SolveStatus.FEASIBLE
+        if violation > VIOLATION:
+            status = SolveStatus.INFEASIBLE
+        elif search.is_converged(plan):
+            status = SolveStatus.CONVERGED
+        return AttitudeMpcSolution(
+            torque_B_n_m=torques[0].copy(), torques_B_n_m=torques,
+            R_NB=self._R_ND @ so3.rotation_from_quaternion(plan.nodes[:, 0:4]),
+            omega_BN_B=plan.nodes[:, 4:7] * unit.rate_rad_s, cost=plan.cost * unit.cost,
+            iterations=passes, solve_time_s=time.perf_counter() - begin, status=status,
+            kkt_residual=search.residual(plan), violation=violation, searched=searched)
+
+    def _failed(self, attitude: Array, omega: Array, elapsed_s: float) -> AttitudeMpcSolution:
+        """Return the zero plan for a state that cannot be predicted from."""
+        n = self.config.horizon
+        return AttitudeMpcSolution(
+            np.zeros(3), np.zeros((n, 3)), np.tile(attitude, (n + 1, 1, 1)),
+            np.tile(omega, (n + 1, 1)), float('nan'), 0, elapsed_s, SolveStatus.FAILED,
+            float('inf'), float('inf'), False)

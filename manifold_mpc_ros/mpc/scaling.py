@@ -1,0 +1,98 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Dimensionless form of the optimal control problem and its flat parameter vector.
+
+Units: time ``h``, inertia ``tr(J)/3``, cost ``tr(Qg)/3``. The step becomes 1 and every quantity
+is of order one for a CubeSat and a space station alike, so tolerances mean the same for both.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from manifold_mpc_ros.config import AttitudeMpcConfig
+
+Array = NDArray[np.float64]
+
+# A limit of "none" on one axis when the other axes have one: far outside anything reachable.
+_UNLIMITED = 1e6
+
+
+class Parameters(NamedTuple):
+    """The dimensionless problem, symbolic (CasADi) or numeric, in the order of the flat vector."""
+
+    inertia: ca.SX
+    inertia_inverse: ca.SX
+    attitude_weight: ca.SX
+    rate_weight: ca.SX
+    torque_hessian: ca.SX
+    terminal_weight: ca.SX
+    terminal_level: ca.SX
+    terminal_gain: ca.SX
+    max_torque: ca.SX
+    max_rate: ca.SX
+
+
+_SHAPES = Parameters(
+    inertia=(3, 3), inertia_inverse=(3, 3), attitude_weight=(3, 3), rate_weight=(3, 3),
+    torque_hessian=(3, 3), terminal_weight=(6, 6), terminal_level=(1, 1), terminal_gain=(3, 6),
+    max_torque=(3, 1), max_rate=(3, 1))
+PARAMETERS = sum(rows * columns for rows, columns in _SHAPES)
+
+
+def unpack(flat: ca.SX) -> Parameters:
+    """Map the flat vector (PARAMETERS,) to its named blocks (column-major, as CasADi stores)."""
+    blocks, start = [], 0
+    for rows, columns in _SHAPES:
+        blocks.append(ca.reshape(flat[start:start + rows * columns], rows, columns))
+        start += rows * columns
+    return Parameters(*blocks)
+
+
+class Scaling(NamedTuple):
+    """Units of one configuration: multiply a dimensionless value by its unit to get SI."""
+
+    time_s: float
+    torque_n_m: float
+    rate_rad_s: float
+    cost: float
+
+
+def scaling_of(config: AttitudeMpcConfig) -> Scaling:
+    """Return the units of a configuration."""
+    h = config.step_s
+    inertia = float(np.trace(config.inertia_kg_m2)) / 3
+    return Scaling(h, inertia / h ** 2, 1 / h, float(np.trace(config.attitude_weight)) / 3)
+
+
+def flat_parameters(config: AttitudeMpcConfig, terminal_weight: Array, terminal_gain: Array,
+                    level: float) -> Array:
+    """Map a configuration and P (6, 6), K (3, 6), c of its terminal design to the flat vector."""
+    unit = scaling_of(config)
+    h = unit.time_s
+    inertia = config.inertia_kg_m2 / (unit.torque_n_m * h ** 2)
+    weight = config.torque_weight
+    torque_hessian = np.trace(weight) * np.eye(3) - weight
+    to_si = np.diag([1.0] * 3 + [unit.rate_rad_s] * 3)
+    blocks = Parameters(
+        inertia=inertia, inertia_inverse=np.linalg.inv(inertia),
+        attitude_weight=config.attitude_weight / unit.cost,
+        rate_weight=config.rate_weight / (h ** 2 * unit.cost),
+        torque_hessian=torque_hessian * unit.torque_n_m ** 2 / unit.cost,
+        terminal_weight=to_si @ terminal_weight @ to_si / unit.cost,
+        terminal_level=np.array([level / unit.cost]),
+        terminal_gain=terminal_gain @ to_si / unit.torque_n_m,
+        max_torque=_limits(config.max_torque_n_m, unit.torque_n_m),
+        max_rate=_limits(config.max_rate_rad_s, unit.rate_rad_s))
+    return np.concatenate([np.ravel(block, order='F') for block in blocks])
+
+
+def _limits(limits: Array | None, unit: float) -> Array:
+    """Return dimensionless limits (3,), a far bound where there is none."""
+    if limits is None:
+        return np.full(3, _UNLIMITED)
+    return np.minimum(np.asarray(limits) / unit, _UNLIMITED)

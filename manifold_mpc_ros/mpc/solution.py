@@ -1,0 +1,51 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a solve returns: a plan and how far it can be trusted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from manifold_mpc_ros.mpc.scaling import Array
+
+
+class SolveStatus(str, Enum):
+    """How a solve ended.
+
+    CONVERGED: the optimality conditions hold. FEASIBLE: every limit holds, the budget ran out
+    or no better plan than the kept one was found. INFEASIBLE: no plan meets the state limits
+    and the terminal set; the plan violates them as little as an exact penalty says, and keeps
+    the torque limits. FAILED: the state cannot be predicted from; the torque is zero.
+    """
+
+    CONVERGED = 'converged'
+    FEASIBLE = 'feasible'
+    INFEASIBLE = 'infeasible'
+    FAILED = 'failed'
+
+    def __str__(self) -> str:
+        """Return the bare word."""
+        return self.value
+
+
+@dataclass(frozen=True)
+class AttitudeMpcSolution:
+    """The plan of one solve, SI units, body torques and rates.
+
+    ``cost`` is the value of the plan; ``kkt_residual`` is dimensionless; ``violation`` is the
+    largest relative violation of a state limit or of the terminal set (0 when none);
+    ``searched`` says whether the global search ran.
+    """
+
+    torque_B_n_m: Array
+    torques_B_n_m: Array
+    R_NB: Array
+    omega_BN_B: Array
+    cost: float
+    iterations: int
+    solve_time_s: float
+    status: SolveStatus
+    kkt_residual: float
+    violation: float
+    searched: bool
