@@ -72,6 +72,18 @@ def test_symmetric_forcing_is_its_equations(name: str) -> None:
     assert largest((J @ omega1[..., None])[..., 0] - Pi1) < 1e-14 * largest(J) / h
 
 
+def test_step_renormalises_the_attitude() -> None:
+    """An orthogonality error e of the attitude is 3/4 e^2 after one step, and its turn is kept."""
+    J, h = INERTIAS['off_diagonal'], 0.2
+    R, omega, tau = random_states('renormalise', J, 100, h)
+    stretch = np.diag([1.0 + 1e-6, 1.0, 1.0 - 1e-6])
+    R1, omega1 = lgvi.lgvi_step(R @ stretch, omega, tau, inertia_kg_m2=J, step_s=h)
+    expected, expected_omega = lgvi.lgvi_step(R, omega, tau, inertia_kg_m2=J, step_s=h)
+    assert so3.is_rotation(R1, 1e-11)
+    assert largest(R1 - expected) < 1e-11
+    assert np.array_equal(omega1, expected_omega)
+
+
 @in_inertias
 def test_symmetric_forcing_is_reversible_and_the_paper_s_is_not(name: str) -> None:
     """A step, the rate reversed, and the same torque again lead back to the start."""

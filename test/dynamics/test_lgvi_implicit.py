@@ -130,7 +130,7 @@ def test_every_momentum_inside_the_guard_has_a_step(name: str) -> None:
 
 @in_inertias
 @pytest.mark.parametrize('solver', ['cayley', 'riccati'])
-@pytest.mark.parametrize('fraction', [1.0 + 1e-12, 1.001, 50.0, np.inf, np.nan])
+@pytest.mark.parametrize('fraction', [1.0 + 1e-12, 1.001, 1.58, 50.0, np.inf, np.nan])
 def test_every_momentum_outside_the_guard_is_refused(
     name: str, solver: str, fraction: float
 ) -> None:
