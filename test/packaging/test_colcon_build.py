@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -44,7 +45,8 @@ def test_only_the_symlink_build_links_to_the_sources(colcon_prefix: Path, checko
 def test_the_module_is_imported_from_the_workspace(
         colcon_prefix: Path, checkout: Path, tmp_path: Path) -> None:
     ask = 'import manifold_mpc_ros, os; print(os.path.realpath(manifold_mpc_ros.__file__))'
-    where = Path(run([*sourced(colcon_prefix), 'python3', '-c', ask], cwd=tmp_path).strip())
+    python = [*sourced(colcon_prefix), sys.executable]
+    where = Path(run([*python, '-c', ask], cwd=tmp_path).strip())
     origin = checkout if is_symlink_install(colcon_prefix) else colcon_prefix
     assert where.is_relative_to(origin)
 
