@@ -23,8 +23,10 @@ from manifold_mpc_ros.mpc.terminal import TerminalDesign, design_terminal
 WARM_BARRIER = 1e-3
 # A relative violation of a state limit above this makes a plan infeasible.
 VIOLATION = 1e-6
-# The warm plan is kept while its value stays within this of what the last plan promised.
+# The warm plan is kept while its value stays within this of what the last plan promised, and
+# always when less than this angle [rad] is left to turn: no other side can win there.
 PROMISE = 1e-2
+SEARCH_ANGLE_RAD = np.pi / 2
 # A commanded attitude that moved by more than this [rad] forgets the warm start.
 SETPOINT_MOVED_RAD = 1e-3
 
@@ -47,12 +49,17 @@ class AttitudeMpc:
     terminal set (both exact penalties, so that there is always a plan). From a cold start the
     search covers both sides of the 180 degree set and the torque octants; later ticks improve
     the shifted plan, which keeps the side of the turn, and search again only when the plan's
-    value breaks the decrease promised by the last one.
+    value breaks the decrease promised by the last one with more than 90 degrees left to turn,
+    or when it does not converge.
     """
 
     def __init__(self, config: AttitudeMpcConfig, *, backend: str = 'auto',
-                 cache_dir: str | Path | None = None) -> None:
+                 cache_dir: str | Path | None = None,
+                 terminal: TerminalDesign | None = None) -> None:
         """Design the terminal set, then build or load the solver (seconds at the first start).
+
+        ``terminal`` is the design where the caller has it already (it does not depend on the
+        horizon).
 
         Raises
         ------
@@ -63,7 +70,7 @@ class AttitudeMpc:
 
         """
         self.config = config
-        self.terminal: TerminalDesign = design_terminal(config)
+        self.terminal: TerminalDesign = terminal or design_terminal(config)
         self._unit = scaling_of(config)
         structure = structure_of(config)
         parameters = flat_parameters(config, self.terminal.P, self.terminal.K, self.terminal.c)
@@ -109,7 +116,7 @@ class AttitudeMpc:
         self._R_ND = target
         error = so3.attitude_error_B(target, attitude)
         self._engine.set_state(so3.quaternion_from_rotation(error), omega * self._unit.time_s)
-        plan, passes, searched = self._find_plan()
+        plan, passes, searched = self._find_plan(so3.angle(error) < SEARCH_ANGLE_RAD)
         if plan is None:
             self.reset()
             return self._failed(attitude, omega, time.perf_counter() - begin)
@@ -117,7 +124,7 @@ class AttitudeMpc:
         self._promised = self._value_after_first_step()
         return self._report(passes, searched, begin)
 
-    def _find_plan(self) -> tuple[Trajectory | None, int, bool]:
+    def _find_plan(self, near: bool) -> tuple[Trajectory | None, int, bool]:
         """Return the plan from the engine's state, passes used, and whether it was searched."""
         passes = 0
         if self._promised is not None:
@@ -125,7 +132,7 @@ class AttitudeMpc:
             warm = self._engine.begin_plan(self._plan.torques[1:], WARM_BARRIER)
             warm = self._engine.iterate(search.MOST_PASSES)
             passes = int(warm.progress.passes)
-            if search.is_converged(warm) and self._keeps_promise(warm.progress.cost):
+            if search.is_converged(warm) and (near or self._keeps_promise(warm.progress.cost)):
                 return warm, passes, False
         best, searched = search.global_search(self._engine, self._pool)
         if best is not None and self._promised is not None and (
