@@ -46,7 +46,8 @@ class Recorder:
     """
 
     def __init__(self, domain_id: int, namespace: str = '') -> None:
-        """Join a domain and subscribe."""
+        """Join a domain and subscribe to the topics of a namespace."""
+        self._controller = f'{namespace}/{CONTROLLER_NAME}'.strip('/')
         self._context = Context()
         rclpy.init(context=self._context, domain_id=domain_id,
                    signal_handler_options=SignalHandlerOptions.NO)
@@ -133,7 +134,7 @@ class Recorder:
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         """Remember what the controller last said about itself."""
         for status in message.status:
-            if status.name.rpartition('/')[2] == CONTROLLER_NAME:
+            if status.name == self._controller:
                 self.solver = {pair.key: pair.value for pair in status.values}
                 self.mode = self.solver.get('mode', '')
 

@@ -1,0 +1,104 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Arguments that several verbs share, their validators, and the shipped parameter files."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+from pathlib import Path
+
+import manifold_mpc_ros
+from manifold_mpc_ros.errors import ConfigurationError
+
+PACKAGE = 'manifold_mpc_ros'
+
+
+def positive_number(text: str) -> float:
+    """Read a finite number above zero."""
+    value = number(text)
+    if value <= 0.0:
+        raise argparse.ArgumentTypeError(f'{text!r} is not a number above 0')
+    return value
+
+
+def number(text: str) -> float:
+    """Read a finite number."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f'{text!r} is not a finite number')
+    return value
+
+
+def add_controller_config(parser: argparse.ArgumentParser) -> None:
+    """Add ``--controller-config``."""
+    parser.add_argument(
+        '--controller-config', type=Path, metavar='FILE',
+        help='parameter file of the controller (default: the shipped controller.yaml)')
+
+
+def add_simulator_config(parser: argparse.ArgumentParser) -> None:
+    """Add ``--simulator-config``."""
+    parser.add_argument(
+        '--simulator-config', type=Path, metavar='FILE',
+        help='parameter file of the simulator (default: the shipped simulator.yaml)')
+
+
+def add_tolerances(parser: argparse.ArgumentParser) -> None:
+    """Add the two bounds that say what settled means."""
+    parser.add_argument(
+        '--attitude-tolerance', type=positive_number, default=0.1, metavar='DEG',
+        help='settled below this attitude error in degrees (default: %(default)s)')
+    parser.add_argument(
+        '--rate-tolerance', type=positive_number, default=1e-3, metavar='RAD/S',
+        help='settled below this body rate in rad/s (default: %(default)s)')
+
+
+def add_output(parser: argparse.ArgumentParser, default: str) -> None:
+    """Add ``--output``."""
+    parser.add_argument(
+        '--output', type=Path, default=Path(default), metavar='DIR',
+        help='folder for pictures and data, made when it is not there (default: %(default)s)')
+
+
+def add_backend(parser: argparse.ArgumentParser, default: str) -> None:
+    """Add ``--backend``; the value is None when it is not given."""
+    parser.add_argument(
+        '--backend', choices=('auto', 'c', 'vm'),
+        help="run the solver as generated C (c), in CasADi's virtual machine (vm), or as C where "
+             f'there is a compiler (auto); default: {default}')
+
+
+def controller_config_path(given: Path | None) -> Path:
+    """Return the controller's parameter file: the given one or the shipped one."""
+    return given or shipped_config('controller.yaml')
+
+
+def simulator_config_path(given: Path | None) -> Path:
+    """Return the simulator's parameter file: the given one or the shipped one."""
+    return given or shipped_config('simulator.yaml')
+
+
+def shipped_config(name: str) -> Path:
+    """Return a parameter file that came with the package.
+
+    The source tree first (an editable install, a symlink install, a checkout), then the share
+    folder of the prefix that the package is installed in, then those of ``AMENT_PREFIX_PATH``.
+
+    Raises ConfigurationError when none of them has it.
+    """
+    package = Path(manifold_mpc_ros.__path__[0]).resolve()
+    prefixes = [*package.parents]
+    prefixes += map(Path, filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)))
+    places = [package.parent] + [prefix / 'share' / PACKAGE for prefix in prefixes]
+    for place in places:
+        candidate = place / 'config' / name
+        if candidate.is_file():
+            return candidate
+    raise ConfigurationError(
+        'parameter file', name, f'to be in share/{PACKAGE}/config of the install prefix; '
+        'name your own file with --controller-config and --simulator-config')

@@ -1,0 +1,234 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The verb ``demo``: both nodes as real processes, the loop closed over DDS."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import signal
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+import numpy as np
+
+from manifold_mpc_ros.cli import arguments as shared
+from manifold_mpc_ros.cli.processes import NodeProcesses, free_domain_id, node_environment
+from manifold_mpc_ros.config import SimulatorConfig
+from manifold_mpc_ros.config_controller import ControllerConfig
+from manifold_mpc_ros.errors import ManifoldMpcError
+from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.sim.closed_loop import settling_time
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from manifold_mpc_ros.cli.demo_display import DemoDisplay
+    from manifold_mpc_ros.nodes.recorder import Recorder, Recording
+
+SUMMARY = 'Close the loop over DDS: controller and simulator as two processes, live.'
+EXAMPLES = """\
+  manifold-mpc demo
+      a slew of 180 degrees with the shipped parameters; pictures in results/demo
+  manifold-mpc demo --simulator-config tumble.yaml --time-limit 60 --output results/tumble
+      another spacecraft or start
+"""
+SNAPSHOTS = 8
+# The body has to stay within the tolerances for this long before it counts as settled [s].
+HOLD_S = 2.0
+LISTEN_S = 0.1
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this verb."""
+    shared.add_controller_config(parser)
+    shared.add_simulator_config(parser)
+    parser.add_argument(
+        '--time-limit', type=shared.positive_number, default=40.0, metavar='S',
+        help='wall clock from the first command until the attitude has settled '
+             '(default: %(default)s)')
+    parser.add_argument(
+        '--start-limit', type=shared.positive_number, default=60.0, metavar='S',
+        help='wall clock until the first command: discovery, and building the solver '
+             '(default: %(default)s)')
+    shared.add_tolerances(parser)
+    shared.add_output(parser, 'results/demo')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run both nodes until the attitude settled or time is up; 0 when it settled."""
+    from manifold_mpc_ros.cli import report
+    from manifold_mpc_ros.cli.demo_display import DemoDisplay
+    files = (shared.controller_config_path(arguments.controller_config),
+             shared.simulator_config_path(arguments.simulator_config))
+    config = ControllerConfig.from_yaml(files[0])
+    SimulatorConfig.from_yaml(files[1])
+    recorder_class = _recorder_class()
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    domain_id, namespace = free_domain_id(), f'/demo_{os.getpid()}'
+    environment = node_environment(domain_id)
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'  # the recorder is in this process
+    signal.signal(signal.SIGTERM, _interrupt)
+    console = report.make_console()
+    console.print(f'Two processes on ROS_DOMAIN_ID={domain_id}, topics under {namespace}')
+    with recorder_class(domain_id, namespace) as recorder, NodeProcesses() as processes:
+        for module, file in zip(('controller', 'simulator'), files, strict=True):
+            processes.start(
+                module, ['--params-file', str(file), '-r', f'__ns:={namespace}'], environment,
+                arguments.output / f'{module}.log')
+        with DemoDisplay(console) as display:
+            start_s = _wait_for_first_command(recorder, processes, arguments, display)
+            _watch(recorder, processes, arguments, display)
+        exits = processes.stop()
+        recording, solver = recorder.recording(), recorder.solver
+    return _finish(console, recording, solver, start_s, exits, config, arguments)
+
+
+def _recorder_class() -> type[Recorder]:
+    """Return the recorder, or say in one line what is missing."""
+    try:
+        from manifold_mpc_ros.nodes.recorder import Recorder
+    except ImportError as error:
+        raise ManifoldMpcError(
+            f'the demo needs ROS 2 for Python, and {error.name or error} is not there: '
+            "pip install 'manifold_mpc_ros[ros]', or source a ROS 2 installation") from None
+    return Recorder
+
+
+def _interrupt(_number: int, _frame: object) -> NoReturn:
+    """Let SIGTERM end the nodes as well, the way Ctrl-C does."""
+    raise KeyboardInterrupt
+
+
+def _wait_for_first_command(
+    recorder: Recorder, processes: NodeProcesses, arguments: argparse.Namespace,
+    display: DemoDisplay,
+) -> float:
+    """Listen until the loop is closed; return how long that took [s of wall clock].
+
+    Before the controller has a state it commands zero: the first other torque closes the loop,
+    or its word that it is in control (a body that starts where it should be needs no torque).
+    """
+    begun_s = time.monotonic()
+    while not (recorder.states and recorder.commands and (
+            np.any(recorder.latest_torque()) or recorder.mode == 'NOMINAL')):
+        elapsed_s = time.monotonic() - begun_s
+        if elapsed_s > arguments.start_limit:
+            raise ManifoldMpcError(
+                f'no torque came within {arguments.start_limit:g} s of the start '
+                f'({recorder.states} states seen); the nodes said: ' + '; '.join(
+                    f'{node.name}: {node.last_words()}' for node in processes.nodes))
+        _require_running(processes)
+        display.starting(elapsed_s, recorder.states, recorder.mode)
+        recorder.listen(LISTEN_S)
+    return time.monotonic() - begun_s
+
+
+def _watch(
+    recorder: Recorder, processes: NodeProcesses, arguments: argparse.Namespace,
+    display: DemoDisplay,
+) -> None:
+    """Listen until the body has held its attitude for a while, or the time is up."""
+    begun_s = time.monotonic()
+    within_since_s: float | None = None
+    while (elapsed_s := time.monotonic() - begun_s) < arguments.time_limit:
+        _require_running(processes)
+        recorder.listen(LISTEN_S)
+        state_s, R_NB, omega_BN_B = recorder.latest_state()
+        error_rad, rate_rad_s = float(so3.angle(R_NB)), float(np.linalg.norm(omega_BN_B))
+        display.running(elapsed_s, arguments.time_limit, error_rad, rate_rad_s,
+                        recorder.latest_torque(), recorder.mode)
+        if not _within(arguments, error_rad, rate_rad_s):
+            within_since_s = None
+        elif within_since_s is None:
+            within_since_s = state_s
+        elif state_s - within_since_s >= HOLD_S:
+            return
+
+
+def _within(arguments: argparse.Namespace, error_rad: float, rate_rad_s: float) -> bool:
+    """Say whether a state is within both tolerances."""
+    return (math.degrees(error_rad) < arguments.attitude_tolerance
+            and rate_rad_s < arguments.rate_tolerance)
+
+
+def _require_running(processes: NodeProcesses) -> None:
+    """Raise when a node has ended by itself."""
+    node = processes.ended()
+    if node is not None:
+        raise ManifoldMpcError(
+            f'the {node.name} ended by itself with exit status {node.exit_status}: '
+            f'{node.last_words()} (all of it: {node.log_path})')
+
+
+def _finish(
+    console: Console, recording: Recording, solver: dict[str, str], start_s: float,
+    exits: dict[str, int], config: ControllerConfig, arguments: argparse.Namespace,
+) -> int:
+    """Print the table, write pictures and data; 0 when settled and both nodes ended well."""
+    from manifold_mpc_ros.cli import report
+    error_rad = so3.angle(recording.R_NB)
+    rate_rad_s = np.linalg.norm(recording.omega_BN_B, axis=1)
+    settled_s = settling_time(
+        recording.state_time_s,
+        (np.degrees(error_rad) < arguments.attitude_tolerance)
+        & (rate_rad_s < arguments.rate_tolerance))
+    if settled_s is not None and recording.state_time_s[-1] - settled_s < HOLD_S:
+        settled_s = None
+    console.print(report.result_table('Closed loop over DDS, two processes', [
+        ('settled at', report.settled_text(
+            settled_s, arguments.attitude_tolerance, arguments.rate_tolerance)),
+        ('start to first command', f'{start_s:.1f} s of wall clock'),
+        ('first attitude error', f'{math.degrees(error_rad[0]):.6g} deg'),
+        ('final attitude error', f'{math.degrees(error_rad[-1]):.3g} deg'),
+        ('final rate', f'{rate_rad_s[-1]:.3g} rad/s'),
+        ('peak torque, by axis',
+         report.vector_text(np.abs(recording.torque_B_n_m).max(axis=0), 'N m')
+         + f', {report.limit_text(config.mpc.max_torque_n_m)}'),
+        ('peak rate, by axis',
+         report.vector_text(np.abs(recording.omega_BN_B).max(axis=0), 'rad/s')
+         + f', {report.limit_text(config.mpc.max_rate_rad_s)}'),
+        ('messages seen', f'{len(error_rad)} states, {len(recording.torque_B_n_m)} torques'),
+        ('last solve', ', '.join(f'{key} {solver[key]}' for key in (
+            'solver_status', 'iterations', 'solve_time_us') if key in solver) or 'unknown'),
+        ('exit status', ', '.join(f'{name} {status}' for name, status in exits.items())),
+    ]))
+    report.say_written(console, _write(recording, error_rad, settled_s, config, arguments))
+    return 0 if settled_s is not None and not any(exits.values()) else 1
+
+
+def _write(
+    recording: Recording, error_rad: np.ndarray, settled_s: float | None,
+    config: ControllerConfig, arguments: argparse.Namespace,
+) -> list[Path]:
+    """Write pictures and data; return where they are."""
+    from manifold_mpc_ros.cli import report
+    from manifold_mpc_ros.cli.plot_orientation import plot_orientation, snapshot_rows
+    from manifold_mpc_ros.cli.plot_response import Response, plot_response
+    folder = arguments.output
+    response = plot_response(Response(
+        title=f'Closed loop over DDS from {math.degrees(error_rad[0]):.4g} degrees',
+        state_time_s=recording.state_time_s, attitude_error_rad=error_rad,
+        omega_BN_B=recording.omega_BN_B, torque_time_s=recording.torque_time_s,
+        torque_B_n_m=recording.torque_B_n_m, max_rate_rad_s=config.mpc.max_rate_rad_s,
+        max_torque_n_m=config.mpc.max_torque_n_m,
+        attitude_tolerance_rad=math.radians(arguments.attitude_tolerance),
+        settled_s=settled_s), folder / 'response.png')
+    chosen = snapshot_rows(recording.state_time_s, 2.0, settled_s, SNAPSHOTS)
+    orientation = plot_orientation(
+        'Orientation during the slew', recording.state_time_s[chosen], recording.R_NB[chosen],
+        folder / 'orientation.png')
+    states = report.write_csv(folder / 'states.csv', {
+        'time_s': recording.state_time_s,
+        'attitude_error_rad': error_rad,
+        **report.axis_columns('omega_BN_B', 'rad_s', recording.omega_BN_B),
+        **report.attitude_columns(recording.R_NB),
+    })
+    torques = report.write_csv(folder / 'torques.csv', {
+        'time_s': recording.torque_time_s,
+        **report.axis_columns('torque_B', 'n_m', recording.torque_B_n_m),
+    })
+    return [response, orientation, states, torques,
+            folder / 'controller.log', folder / 'simulator.log']

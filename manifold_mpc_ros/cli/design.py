@@ -1,0 +1,175 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The verb ``design``: terminal cost, local law, terminal set, their certificate, smallest N."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from manifold_mpc_ros.cli import arguments as shared
+from manifold_mpc_ros.config import AttitudeMpcConfig
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from manifold_mpc_ros.mpc.horizon import HorizonReport
+    from manifold_mpc_ros.mpc.terminal import TerminalDesign
+
+SUMMARY = 'Print the terminal set, its certificate and the smallest horizon of a controller.'
+EXAMPLES = """\
+  manifold-mpc design
+      the shipped controller
+  manifold-mpc design --controller-config mine.yaml --json mine.json
+      another one, and everything that is printed as data
+  manifold-mpc design --no-horizon
+      without the search for the smallest horizon, which takes a while
+"""
+# What stops the terminal set from being larger, in words.
+CONDITIONS = {
+    'chart': 'the chart ends, |Log g| < pi',
+    'torque': 'torque limit, |K xi| <= max_torque (8a)',
+    'rate': 'rate limit, |omega| <= max_rate',
+    'step': 'existence of the implicit step',
+    'decrease': "decrease, F(xi') - F(xi) <= -L (8c)",
+}
+CHART_AXES = ('zeta x', 'zeta y', 'zeta z', 'omega x', 'omega y', 'omega z')
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this verb."""
+    shared.add_controller_config(parser)
+    parser.add_argument(
+        '--no-horizon', action='store_true',
+        help='do not search the smallest horizon from which every attitude at rest is feasible')
+    parser.add_argument(
+        '--json', type=Path, metavar='FILE', help='write everything to a file as well')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Design, print; 0, as an answer that somebody may not like is an answer."""
+    from manifold_mpc_ros.cli import report
+    from manifold_mpc_ros.mpc.terminal import design_terminal
+    path = shared.controller_config_path(arguments.controller_config)
+    config = AttitudeMpcConfig.from_yaml(path)
+    console = report.make_console()
+    console.print(f'Controller: {path}', soft_wrap=True, markup=False)
+    with console.status('Designing the terminal set'):
+        design = design_terminal(config)
+    _print_design(console, design)
+    horizon = None
+    if not arguments.no_horizon:
+        horizon = _find_horizon(console, config)
+        _print_horizon(console, horizon, config)
+    if arguments.json is not None:
+        text = json.dumps(as_data(config, design, horizon), indent=2, allow_nan=False)
+        arguments.json.write_text(text + '\n', encoding='utf-8')
+        report.say_written(console, [arguments.json])
+    return 0
+
+
+def _print_design(console: Console, design: TerminalDesign) -> None:
+    """Print matrices, level and certificate."""
+    from manifold_mpc_ros.cli import report
+    console.print(report.grid_table(
+        'P: terminal cost F = xi^T P xi / 2, xi = (zeta, omega) = (Log g, Log f / h)',
+        ('', *CHART_AXES), _rows(CHART_AXES, design.P)))
+    console.print(report.grid_table(
+        'K: local law tau = K xi [N m]', ('', *CHART_AXES),
+        _rows(('tau x', 'tau y', 'tau z'), design.K)))
+    limiting = design.report.limiting
+    console.print(report.grid_table(
+        'c of the terminal set xi^T P xi <= c',
+        ('condition', 'first broken at', ''),
+        [(CONDITIONS.get(name, name), _level(level), 'limits c' if name == limiting else '')
+         for name, level in design.report.limits.items()]))
+    console.print(report.result_table('Certificate, by closed forms and by samples', [
+        ('c', f'{design.c:.6g}'),
+        ('limited by', CONDITIONS.get(limiting, limiting)),
+        ('at rest, about any axis', f'inside up to {rest_angle_deg(design):.1f} deg at least'),
+        ('worst (F+ - F + L) / L', f'{design.report.worst_decrease:.4g} over '
+         f'{design.report.samples} states of the set (negative: F decreases by more than L)'),
+        ('Riccati residual, relative', f'{design.riccati_residual:.2g}'),
+        ('spectral radius of A + B K', f'{design.closed_loop_radius:.6g}'),
+    ]))
+
+
+def _print_horizon(
+    console: Console, horizon: HorizonReport, config: AttitudeMpcConfig,
+) -> None:
+    """Print the smallest horizon beside the configured one."""
+    from manifold_mpc_ros.cli import report
+    angle_deg = math.degrees(float(np.linalg.norm(horizon.hardest)))
+    axis = report.vector_text(np.asarray(horizon.hardest) / np.linalg.norm(horizon.hardest))
+    enough = horizon.smallest <= config.horizon
+    console.print(report.result_table('Horizon', [
+        ('smallest N', f'{horizon.smallest} ({horizon.smallest * config.step_s:g} s) makes each '
+         f'of {horizon.attitudes} attitudes at rest feasible'),
+        ('hardest attitude', f'{angle_deg:.0f} deg about {axis}'),
+        ('configured N', f'{config.horizon} '
+         + ('(enough)' if enough else '(NOT enough: from some attitudes at rest no plan ends in '
+            'the terminal set)')),
+    ]))
+
+
+def _find_horizon(console: Console, config: AttitudeMpcConfig) -> HorizonReport:
+    """Search the smallest horizon, saying what is being tried."""
+    from manifold_mpc_ros.mpc.horizon import smallest_horizon
+    with console.status('Searching the smallest horizon') as status:
+        def progress(line: str) -> None:
+            status.update(f'Searching the smallest horizon: {line}')
+            if not console.is_terminal:
+                console.print(line)
+        return smallest_horizon(config, progress=progress)
+
+
+def rest_angle_deg(design: TerminalDesign) -> float:
+    """Return the angle up to which rest attitudes about every axis are in the terminal set."""
+    steepest = float(np.linalg.eigvalsh(design.P[:3, :3])[-1])
+    return math.degrees(min(math.sqrt(design.c / steepest), math.pi))
+
+
+def as_data(
+    config: AttitudeMpcConfig, design: TerminalDesign, horizon: HorizonReport | None,
+) -> dict[str, Any]:
+    """Return everything that is printed as JSON values; an infinite level becomes null."""
+    found = None if horizon is None else {
+        'smallest': horizon.smallest,
+        'configured': config.horizon,
+        'attitudes': horizon.attitudes,
+        'hardest_rotation_vector_rad': np.asarray(horizon.hardest).tolist(),
+        'tried': {str(n): count for n, count in horizon.tried.items()},
+    }
+    return {
+        'P': design.P.tolist(),
+        'K': design.K.tolist(),
+        'A': design.A.tolist(),
+        'B': design.B.tolist(),
+        'c': design.c,
+        'limiting_condition': design.report.limiting,
+        'levels': {name: level if math.isfinite(level) else None
+                   for name, level in design.report.limits.items()},
+        'worst_decrease_ratio': design.report.worst_decrease,
+        'samples': design.report.samples,
+        'rest_angle_deg': rest_angle_deg(design),
+        'riccati_residual': design.riccati_residual,
+        'closed_loop_radius': design.closed_loop_radius,
+        'horizon': found,
+    }
+
+
+def _rows(names: tuple[str, ...], matrix: np.ndarray) -> list[tuple[str, ...]]:
+    """Return the rows of a matrix as text behind their names; rounding noise is a dot."""
+    scale = float(np.max(np.abs(matrix)))
+    return [(name, *('.' if abs(value) < 1e-12 * scale else f'{value:.4f}' for value in row))
+            for name, row in zip(names, matrix, strict=True)]
+
+
+def _level(level: float) -> str:
+    """Return a level as text."""
+    return f'{level:.6g}' if math.isfinite(level) else 'no lower level'

@@ -1,0 +1,132 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The nodes as processes of their own: start, watch, end in order."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+
+from manifold_mpc_ros.errors import ManifoldMpcError
+
+# Fast DDS and the others take this port for the first participant of a domain (DDSI-RTPS 9.6.1).
+_FIRST_PORT, _PORTS_PER_DOMAIN, _PARTICIPANT_OFFSET = 7400, 250, 10
+# Domains above 101 reach into the ports that Linux hands out to anybody.
+_DOMAINS = range(1, 102)
+
+STOP_TIMEOUT_S = 5.0
+
+
+def free_domain_id() -> int:
+    """Return a ROS domain that nobody on this machine uses, another one for each process.
+
+    Raises ManifoldMpcError when all of them are taken.
+    """
+    start = os.getpid() % len(_DOMAINS)
+    for domain in (*_DOMAINS[start:], *_DOMAINS[:start]):
+        port = _FIRST_PORT + _PORTS_PER_DOMAIN * domain + _PARTICIPANT_OFFSET
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(('', port))
+            except OSError:
+                continue
+            return domain
+    raise ManifoldMpcError('no ROS domain is free on this machine (1 to 101 are all in use)')
+
+
+def node_environment(domain_id: int) -> dict[str, str]:
+    """Return the environment of a node on a domain of its own, seen on this machine only.
+
+    The ROS wheels restart Python once to set a library path; a child has to do that afresh, so
+    the path and the mark of it are left out. A sourced ROS installation has no such mark and
+    keeps its path.
+    """
+    environment = dict(os.environ)
+    if environment.pop('_ROS_WHEELS_BOOTSTRAP_COMPLETE', None) is not None:
+        environment.pop('LD_LIBRARY_PATH', None)
+    environment['ROS_DOMAIN_ID'] = str(domain_id)
+    environment['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    environment['PYTHONUNBUFFERED'] = '1'
+    return environment
+
+
+class NodeProcess:
+    """One running node; what it prints goes to a file."""
+
+    def __init__(
+        self, module: str, ros_arguments: Sequence[str], environment: dict[str, str],
+        log_path: Path,
+    ) -> None:
+        """Start ``python -m manifold_mpc_ros.nodes.<module>``."""
+        self.name = module
+        self.log_path = log_path
+        command = [sys.executable, '-m', f'manifold_mpc_ros.nodes.{module}',
+                   '--ros-args', *ros_arguments]
+        with log_path.open('wb') as log:
+            self._process = subprocess.Popen(
+                command, env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log)
+
+    @property
+    def exit_status(self) -> int | None:
+        """The exit status of the process, None while it runs; negative after a signal."""
+        return self._process.poll()
+
+    def last_words(self) -> str:
+        """Return the last line that the node printed."""
+        lines = self.log_path.read_text(encoding='utf-8', errors='replace').split('\n')
+        return next((line.strip() for line in reversed(lines) if line.strip()), 'no output')
+
+    def interrupt(self) -> None:
+        """Ask the process to end, the way a terminal does."""
+        if self.exit_status is None:
+            self._process.send_signal(signal.SIGINT)
+
+    def wait(self) -> int:
+        """Wait until the process has ended, by force if it takes too long; its exit status."""
+        try:
+            return self._process.wait(STOP_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            return self._process.wait()
+
+
+class NodeProcesses:
+    """Several nodes that live and end together; a context manager."""
+
+    def __init__(self) -> None:
+        """Start with none."""
+        self.nodes: list[NodeProcess] = []
+
+    def __enter__(self) -> NodeProcesses:
+        """Return the group."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """End all that still run."""
+        self.stop()
+
+    def start(
+        self, module: str, ros_arguments: Sequence[str], environment: dict[str, str],
+        log_path: Path,
+    ) -> None:
+        """Start one more node."""
+        self.nodes.append(NodeProcess(module, ros_arguments, environment, log_path))
+
+    def ended(self) -> NodeProcess | None:
+        """Return a node that has ended, None while all run."""
+        return next((node for node in self.nodes if node.exit_status is not None), None)
+
+    def stop(self) -> dict[str, int]:
+        """Interrupt all and wait; return the exit status of each."""
+        for node in self.nodes:
+            node.interrupt()
+        return {node.name: node.wait() for node in self.nodes}
