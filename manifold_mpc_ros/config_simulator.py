@@ -58,6 +58,7 @@ class SimulatorConfig:
     command_timeout_periods: int = 3
     real_time_factor: float = 1.0
     publish_clock: bool = False
+    overdue_wait_s: float = 1.0
     lockstep: bool = False
     lockstep_retry_s: float = 0.2
     lockstep_timeout_s: float = 10.0
@@ -76,7 +77,7 @@ class SimulatorConfig:
         for name in ('step_s', 'state_period_s', 'control_period_s', 'real_time_factor',
                      'lockstep_retry_s', 'lockstep_timeout_s'):
             self._store(name, checks.positive(name, getattr(self, name)))
-        for name in ('attitude_noise_std_rad', 'rate_noise_std_rad_s'):
+        for name in ('attitude_noise_std_rad', 'rate_noise_std_rad_s', 'overdue_wait_s'):
             self._store(name, checks.non_negative(name, getattr(self, name)))
         self._store('seed', checks.integer('seed', self.seed, low=0))
         self._store('command_timeout_periods', checks.integer(

@@ -131,6 +131,10 @@ SIMULATOR_PARAMETERS: tuple[ParameterSpec, ...] = (
     ParameterSpec(
         'timing.publish_clock', 'bool', False,
         'publish simulated time on /clock (other nodes: use_sim_time)', read_only=True),
+    ParameterSpec(
+        'timing.overdue_wait_s', 'float', 1.0,
+        'wall clock that simulated time waits, with publish_clock, for a command that is half a '
+        'control period late', unit='s', low=0.0, high=3600.0, read_only=True),
     _LOCKSTEP,
     ParameterSpec(
         'lockstep_retry_s', 'float', 0.2,

@@ -24,7 +24,13 @@ from manifold_mpc_ros.nodes.gate import (
     StateGate,
     admit_setpoint,
 )
-from manifold_mpc_ros.nodes.managed_node import INPUT_QOS, OUTPUT_QOS, ManagedNode, Status
+from manifold_mpc_ros.nodes.managed_node import (
+    INPUT_QOS,
+    OUTPUT_QOS,
+    STATE_QOS,
+    ManagedNode,
+    Status,
+)
 from manifold_mpc_ros.nodes.tick import Command, ControlLoop, Mode
 
 #: Zero commands at the end of activity: one may be lost, three in a row hardly.
@@ -34,6 +40,7 @@ _LEVELS = {
     Mode.NOMINAL: DiagnosticStatus.OK,
     Mode.WAIT: DiagnosticStatus.WARN,
     Mode.PAUSED: DiagnosticStatus.WARN,
+    Mode.FALLBACK: DiagnosticStatus.WARN,
     Mode.COAST: DiagnosticStatus.ERROR,
 }
 
@@ -50,9 +57,8 @@ class AttitudeControllerNode(ManagedNode):
         config = ControllerConfig.from_parameters(values)
         self._config = config
         self._loop = ControlLoop(
-            AttitudeMpc(config.mpc, backend=config.backend),
-            max_torque_n_m=config.mpc.max_torque_n_m, timeout_s=config.state_timeout_s,
-            initial_setpoint=config.initial_setpoint)
+            AttitudeMpc(config.mpc, backend=config.backend), config.mpc,
+            timeout_s=config.state_timeout_s, initial_setpoint=config.initial_setpoint)
         self._gate = StateGate(
             config.inertial_frame_id, config.body_frame_id, step_s=config.mpc.step_s,
             timeout_s=config.state_timeout_s, timed=not config.lockstep)
@@ -64,7 +70,7 @@ class AttitudeControllerNode(ManagedNode):
         on_state = {'odometry': (Odometry, self._on_odometry), 'imu': (Imu, self._on_imu)}
         kind, callback = on_state[config.state_source]
         self._inputs = [
-            self.create_subscription(kind, config.state_source, callback, INPUT_QOS),
+            self.create_subscription(kind, config.state_source, callback, STATE_QOS),
             self.create_subscription(
                 QuaternionStamped, 'attitude_setpoint', self._on_setpoint, INPUT_QOS),
         ]

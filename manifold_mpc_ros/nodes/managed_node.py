@@ -24,7 +24,8 @@ from manifold_mpc_ros.nodes.usage import Program
 
 DIAGNOSTICS_PERIOD_S = 0.2
 
-#: Best effort matches every publisher.
+#: Best effort matches every publisher. Of states only the newest counts.
+STATE_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 INPUT_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 OUTPUT_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 
@@ -94,6 +95,7 @@ class ManagedNode(LifecycleNode):
         """Check all parameters and build; refuse with one message."""
         self.configuring = True
         begun_s = time.monotonic()
+        self.get_logger().info('configuring')
         try:
             self.build(self._table.resolve())
         except ManifoldMpcError as error:

@@ -42,15 +42,51 @@ class FreeRun:
         self._done = 0
 
     def due(self, wall_s: float) -> int:
-        """Return how many steps are due now, and count them as taken."""
-        late_s = wall_s - self._origin_s - self._done * self._step_wall_s
+        """Return how many steps are due now."""
+        late_s = self._late_s(wall_s)
         if self._may_slip and late_s > LONGEST_CATCH_UP_S:
-            self.slipped_s += late_s - LONGEST_CATCH_UP_S
-            self._origin_s += late_s - LONGEST_CATCH_UP_S
+            self._slip(late_s - LONGEST_CATCH_UP_S)
             late_s = LONGEST_CATCH_UP_S
-        steps = max(0, int((late_s + 1e-9) / self._step_wall_s))
+        return max(0, int((late_s + 1e-9) / self._step_wall_s))
+
+    def took(self, steps: int) -> None:
+        """Count steps that were taken."""
         self._done += steps
-        return steps
+
+    def hold(self, wall_s: float) -> None:
+        """Let simulated time stand still up to now: no step is due any more."""
+        self._slip(max(0.0, self._late_s(wall_s)))
+
+    def _late_s(self, wall_s: float) -> float:
+        """Return the wall clock that steps not yet taken stand for."""
+        return wall_s - self._origin_s - self._done * self._step_wall_s
+
+    def _slip(self, wall_s: float) -> None:
+        """Leave out some wall clock."""
+        self.slipped_s += wall_s
+        self._origin_s += wall_s
+
+
+class Patience:
+    """How long simulated time waits for a command that is overdue, each time anew.
+
+    Without it, a factor that the machine cannot keep up with would leave the spacecraft without
+    control; a controller that has died is waited for only so long.
+    """
+
+    def __init__(self, wall_s: float) -> None:
+        """Wait at most ``wall_s`` of wall clock for one command."""
+        self._longest_s = wall_s
+        self._since_s: float | None = None
+
+    def waits(self, wall_s: float, *, overdue: bool) -> bool:
+        """Return whether to wait now."""
+        if not overdue:
+            self._since_s = None
+            return False
+        if self._since_s is None:
+            self._since_s = wall_s
+        return wall_s - self._since_s < self._longest_s
 
 
 class Ask(str, Enum):

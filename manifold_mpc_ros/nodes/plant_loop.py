@@ -11,6 +11,9 @@ from manifold_mpc_ros.config_checks import FloatArray
 from manifold_mpc_ros.nodes.gate import NANOSECONDS, StateSample
 from manifold_mpc_ros.sim.plant import Plant
 
+#: Age of the command in force, in control periods, above which the next one is overdue.
+OVERDUE_PERIODS = 1.5
+
 
 class PlantLoop:
     """A plant with stamps, and a torque that ends by itself.
@@ -30,6 +33,7 @@ class PlantLoop:
         self._plant = Plant(config)
         self._step_ns = round(config.step_s * NANOSECONDS)
         self._life_steps = round(config.command_life_s / config.step_s)
+        self._overdue_steps = round(OVERDUE_PERIODS * config.steps_per_control)
         self._epoch_ns = epoch_ns
         self.steps = 0
         self.expired = 0
@@ -44,6 +48,11 @@ class PlantLoop:
     def elapsed_s(self) -> float:
         """Simulated time since the first state [s]."""
         return (self.stamp_ns - self._epoch_ns) / NANOSECONDS
+
+    @property
+    def overdue(self) -> bool:
+        """Whether the command in force should have been replaced by now."""
+        return 0 <= self._steps_left <= self._life_steps - self._overdue_steps
 
     def reset(self) -> None:
         """Put the plant back to its initial state, without a command, one step later."""

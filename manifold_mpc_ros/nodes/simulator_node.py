@@ -18,7 +18,7 @@ from manifold_mpc_ros.config_parameters import Value
 from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.gate import NANOSECONDS, Reason, Refusal, StateSample, admit_torque
 from manifold_mpc_ros.nodes.managed_node import INPUT_QOS, OUTPUT_QOS, ManagedNode, Status
-from manifold_mpc_ros.nodes.pacing import Ask, FreeRun, Lockstep
+from manifold_mpc_ros.nodes.pacing import Ask, FreeRun, Lockstep, Patience
 from manifold_mpc_ros.nodes.plant_loop import PlantLoop
 
 #: Stamp of the first state where time is simulated; zero would mean "no time yet" in ROS.
@@ -67,6 +67,7 @@ class LgviSimulatorNode(ManagedNode):
         self._published: StateSample | None = None
         self._free = FreeRun(
             config.step_s, config.real_time_factor, may_slip=config.publish_clock)
+        self._patience = Patience(config.overdue_wait_s if config.publish_clock else 0.0)
         self._exchange = Lockstep(config.lockstep_retry_s, config.lockstep_timeout_s)
         if config.lockstep:
             period_s, callback = LOCKSTEP_TIMER_S, self._on_lockstep_timer
@@ -132,8 +133,13 @@ class LgviSimulatorNode(ManagedNode):
         """Take the plant steps that are due, publishing the states among them."""
         if self._paused:
             return
-        for _ in range(self._free.due(time.monotonic())):
+        now_s = time.monotonic()
+        for _ in range(self._free.due(now_s)):
+            if self._patience.waits(now_s, overdue=self._loop.overdue):
+                self._free.hold(now_s)
+                return
             self._loop.advance(1)
+            self._free.took(1)
             if self._loop.steps % self._config.steps_per_state == 0:
                 self._publish_state()
 
@@ -179,6 +185,8 @@ class LgviSimulatorNode(ManagedNode):
                 Clock(clock=messages.to_stamp(self._loop.stamp_ns)))
 
     def _send(self, sample: StateSample) -> None:
-        """Publish a measurement in both forms."""
-        self._imu.publish(messages.to_imu(sample, self._form))
-        self._odometry.publish(messages.to_odometry(sample, self._form))
+        """Publish a measurement in each form that somebody reads."""
+        if self._imu.get_subscription_count() > 0:
+            self._imu.publish(messages.to_imu(sample, self._form))
+        if self._odometry.get_subscription_count() > 0:
+            self._odometry.publish(messages.to_odometry(sample, self._form))

@@ -10,6 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
+from manifold_mpc_ros.config import AttitudeMpcConfig
 from manifold_mpc_ros.config_checks import FloatArray
 from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
@@ -21,8 +22,16 @@ class Mode(str, Enum):
 
     WAIT = 'WAIT'          # zero torque, no valid state has come yet
     NOMINAL = 'NOMINAL'    # the torque of the optimiser
-    COAST = 'COAST'        # zero torque, there is no usable state or no usable solution
+    FALLBACK = 'FALLBACK'  # torque against the rate, the optimiser has no plan from this state
+    COAST = 'COAST'        # zero torque, the state is too old
     PAUSED = 'PAUSED'      # zero torque, by the operator
+
+
+#: Where a torque comes from, by mode; the others command zero.
+_SOURCES = {Mode.NOMINAL: 'mpc', Mode.FALLBACK: 'damping'}
+
+#: The fallback would stop the body in so many steps, if the limits let it.
+DAMPING_STEPS = 4.0
 
 
 class Solver(Protocol):
@@ -49,8 +58,8 @@ class Command:
 
     @property
     def source(self) -> str:
-        """Where the torque comes from: 'mpc' or 'zero'."""
-        return 'mpc' if self.mode is Mode.NOMINAL else 'zero'
+        """Where the torque comes from: 'mpc', 'damping' or 'zero'."""
+        return _SOURCES.get(self.mode, 'zero')
 
 
 class ControlLoop:
@@ -60,8 +69,8 @@ class ControlLoop:
     ---------
     solver
         `AttitudeMpc` or anything with its `solve` and `reset`.
-    max_torque_n_m
-        Limits (3,) that every command is held to, None for none.
+    config
+        The control law's configuration: torque limits, inertia and step.
     timeout_s
         Age of the state above which the command is zero [s].
     initial_setpoint
@@ -70,12 +79,14 @@ class ControlLoop:
     """
 
     def __init__(
-        self, solver: Solver, *, max_torque_n_m: FloatArray | None, timeout_s: float,
+        self, solver: Solver, config: AttitudeMpcConfig, *, timeout_s: float,
         initial_setpoint: str,
     ) -> None:
         """Start without a state, at the initial setpoint."""
         self._solver = solver
-        self._limit = np.full(3, np.inf) if max_torque_n_m is None else max_torque_n_m
+        limit = config.max_torque_n_m
+        self._limit = np.full(3, np.inf) if limit is None else limit
+        self._damping = config.inertia_kg_m2 / (DAMPING_STEPS * config.step_s)
         self._timeout_ns = round(timeout_s * NANOSECONDS)
         self._hold = initial_setpoint == 'hold'
         self.paused = False
@@ -120,23 +131,31 @@ class ControlLoop:
         return self._solve(sample)
 
     def _solve(self, sample: StateSample) -> Command:
-        """Return the optimal torque, or zero when there is no finite one."""
+        """Return the optimal torque, or one that slows the body down when there is none."""
         try:
             solution = self._solver.solve(sample.R_NB, sample.omega_BN_B, self._R_ND)
         except ManifoldMpcError as error:
-            self._solver.reset()
-            return self._zero(sample.stamp_ns, Mode.COAST, str(error))
+            return self._slow_down(sample, str(error))
         torque = np.asarray(solution.torque_B_n_m, dtype=np.float64)
         if solution.status == SolveStatus.FAILED or not np.isfinite(torque).all():
-            self._solver.reset()
-            return self._zero(sample.stamp_ns, Mode.COAST, 'the solver failed', solution)
+            return self._slow_down(sample, 'the solver has no plan from this state', solution)
         return Command(
             sample.stamp_ns, np.clip(torque, -self._limit, self._limit), Mode.NOMINAL,
             f'solver: {SolveStatus(solution.status).value}', solution)
 
-    def _zero(
-        self, stamp_ns: int, mode: Mode, reason: str,
-        solution: AttitudeMpcSolution | None = None,
+    def _slow_down(
+        self, sample: StateSample, reason: str, solution: AttitudeMpcSolution | None = None,
     ) -> Command:
+        """Return ``-J omega / (4 h)`` scaled into the limits, its direction kept.
+
+        It takes kinetic energy out of the body at every rate, until the prediction exists again.
+        """
+        self._solver.reset()
+        torque = -self._damping @ sample.omega_BN_B
+        with np.errstate(divide='ignore'):
+            scale = min(1.0, float(np.min(self._limit / np.abs(torque), initial=np.inf)))
+        return Command(sample.stamp_ns, scale * torque, Mode.FALLBACK, reason, solution)
+
+    def _zero(self, stamp_ns: int, mode: Mode, reason: str) -> Command:
         """Return a command of zero torque."""
-        return Command(stamp_ns, np.zeros(3), mode, reason, solution)
+        return Command(stamp_ns, np.zeros(3), mode, reason)
