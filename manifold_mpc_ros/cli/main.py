@@ -47,7 +47,8 @@ class _ShowVersion(argparse.Action):
             version = importlib.metadata.version('manifold_mpc_ros')
         except importlib.metadata.PackageNotFoundError:
             version = '(source tree, not installed)'
-        parser.exit(EXIT_SUCCESS, f'{PROGRAM} {version}\n')
+        print(f'{PROGRAM} {version}')
+        parser.exit(EXIT_SUCCESS)
 
 
 def build_parser() -> argparse.ArgumentParser:

@@ -1,0 +1,136 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The demo: once for real over DDS, and what happens when it cannot run."""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from manifold_mpc_ros.cli import processes
+
+Command = Callable[..., tuple[int, str, str]]
+TOP = Path(__file__).parents[2]
+DEMO = [sys.executable, '-m', 'manifold_mpc_ros.cli.main', 'demo']
+
+
+def environment() -> dict[str, str]:
+    """Return the environment of a demo in an interpreter of its own."""
+    path = os.pathsep.join([str(TOP), *filter(None, [os.environ.get('PYTHONPATH')])])
+    return dict(processes.node_environment(0), PYTHONPATH=path)
+
+
+def column(path: Path, name: str) -> np.ndarray:
+    with path.open(encoding='utf-8') as file:
+        return np.array([float(row[name]) for row in csv.DictReader(file)])
+
+
+def test_the_shipped_slew_settles_over_dds(tmp_path: Path) -> None:
+    """Two real processes turn the body by 180 degrees, and end with status 0."""
+    pytest.importorskip('rclpy')
+    folder = tmp_path / 'demo'
+    done = subprocess.run([*DEMO, '--output', str(folder)], env=environment(), text=True,
+                          capture_output=True, check=False, timeout=150)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert 'controller 0, simulator 0' in done.stdout
+    live = [line for line in done.stdout.splitlines() if line.startswith('t ')]
+    assert len(live) >= 3
+    assert all(re.search(r'error +[\d.]+ deg   rate .* rad/s   torque .* N m   mode \w+', line)
+               for line in live)
+    assert 'mode NOMINAL' in live[-1]
+    for name in ('response.png', 'orientation.png'):
+        assert (folder / name).read_bytes().startswith(b'\x89PNG')
+    error_deg = np.degrees(column(folder / 'states.csv', 'attitude_error_rad'))
+    assert np.isclose(error_deg[0], 180.0, atol=1e-6)
+    held = column(folder / 'states.csv', 'time_s') > column(
+        folder / 'states.csv', 'time_s')[-1] - 1.9
+    assert np.all(error_deg[held] < 0.1)
+    for axis in 'xyz':
+        assert np.all(np.abs(column(folder / 'torques.csv', f'torque_B_{axis}_n_m')) <= 0.3)
+        rate = column(folder / 'states.csv', f'omega_BN_B_{axis}_rad_s')
+        assert np.all(np.abs(rate[held]) < 1e-3)
+
+
+def test_sigterm_ends_the_nodes_as_well(tmp_path: Path) -> None:
+    pytest.importorskip('rclpy')
+    with subprocess.Popen([*DEMO, '--output', str(tmp_path)], env=environment(), text=True,
+                          stdout=subprocess.PIPE, stderr=subprocess.PIPE) as demo:
+        assert demo.stdout is not None
+        assert 'ROS_DOMAIN_ID=' in demo.stdout.readline()
+        assert 'starting' in demo.stdout.readline()
+        children = Path(f'/proc/{demo.pid}/task/{demo.pid}/children')
+        nodes = [int(pid) for pid in children.read_text().split()]
+        assert len(nodes) == 2
+        demo.send_signal(signal.SIGTERM)
+        out, err = demo.communicate(timeout=30)
+    assert demo.returncode == 130
+    assert err == 'manifold-mpc: interrupted\n'
+    assert 'settled' not in out
+    assert not any(Path(f'/proc/{pid}').exists() for pid in nodes)
+
+
+def test_a_loop_that_does_not_close_in_time_is_one_message(tmp_path: Path) -> None:
+    pytest.importorskip('rclpy')
+    done = subprocess.run([*DEMO, '--start-limit', '0.01', '--output', str(tmp_path)],
+                          env=environment(), text=True, capture_output=True, check=False,
+                          timeout=60)
+    assert done.returncode == 2
+    assert done.stderr.count('\n') == 1
+    assert 'no torque came within 0.01 s' in done.stderr
+
+
+def test_without_ros_the_demo_says_what_to_install(
+    command: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
+) -> None:
+    for name in [name for name in sys.modules if name.partition('.')[0] in {
+            'rclpy', 'nav_msgs'} or name.startswith('manifold_mpc_ros.nodes')]:
+        monkeypatch.delitem(sys.modules, name)
+    for name in ('rclpy', 'nav_msgs', 'geometry_msgs', 'diagnostic_msgs'):
+        monkeypatch.setitem(sys.modules, name, None)
+    status, out, err = command('demo', '--output', tmp_path / 'demo')
+    assert (status, out) == (2, '')
+    assert err.count('\n') == 1
+    assert 'pip install' in err
+    assert not (tmp_path / 'demo').exists()
+
+
+def test_a_node_that_ends_by_itself_is_noticed(tmp_path: Path) -> None:
+    """Its status and its last words can be told; the others are ended in order."""
+    plain = dict(os.environ, PYTHONPATH=environment()['PYTHONPATH'])
+    with processes.NodeProcesses() as group:
+        group.start('no_such_node', [], plain, tmp_path / 'log')
+        (node,) = group.nodes
+        assert node.wait() == 1
+        assert group.ended() is node
+        assert 'no_such_node' in node.last_words()
+        assert group.stop() == {'no_such_node': 1}
+
+
+def test_a_taken_domain_is_not_used() -> None:
+    domain = processes.free_domain_id()
+    assert 1 <= domain <= 101
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(('', 7400 + 250 * domain + 10))
+        assert processes.free_domain_id() != domain
+
+
+def test_children_find_their_own_ros_libraries(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv('LD_LIBRARY_PATH', '/some/ros/lib')
+    monkeypatch.setenv('_ROS_WHEELS_BOOTSTRAP_COMPLETE', '1')
+    child = processes.node_environment(42)
+    assert not {'LD_LIBRARY_PATH', '_ROS_WHEELS_BOOTSTRAP_COMPLETE'} & child.keys()
+    assert child['ROS_DOMAIN_ID'] == '42'
+    assert child['ROS_AUTOMATIC_DISCOVERY_RANGE'] == 'LOCALHOST'
+    # A sourced installation sets the path for good and no mark.
+    monkeypatch.delenv('_ROS_WHEELS_BOOTSTRAP_COMPLETE')
+    assert processes.node_environment(42)['LD_LIBRARY_PATH'] == '/some/ros/lib'
