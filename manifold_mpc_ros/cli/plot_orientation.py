@@ -98,7 +98,7 @@ def _draw_snapshot(axes: Axes3D, R_NB: np.ndarray, following: np.ndarray) -> Non
     _draw_box(axes, R_NB)
     for axis, colour in enumerate(AXIS_COLOURS):
         axes.plot(*np.outer(R_NB[:, axis], [0.0, AXIS_LENGTH]), color=colour, linewidth=3.0,
-                  solid_capstyle='round', zorder=10)
+                  solid_capstyle='round', zorder=10, clip_on=False)
     _draw_turn(axes, R_NB, following)
 
 
@@ -135,5 +135,6 @@ def _draw_turn(axes: Axes3D, R_NB: np.ndarray, following: np.ndarray) -> None:
     foot = tip - size * tangent
     head = [tip, foot + 0.45 * size * outward, foot - 0.45 * size * outward]
     shaft = arc[np.linalg.norm(arc - tip, axis=1) > 0.8 * size]
-    axes.plot(*shaft.T, color=INK, linewidth=2.0, zorder=11)
-    axes.add_collection3d(Poly3DCollection([head], facecolors=INK, edgecolors=INK, zorder=12))
+    axes.plot(*shaft.T, color=INK, linewidth=2.0, zorder=11, clip_on=False)
+    axes.add_collection3d(Poly3DCollection(
+        [head], facecolors=INK, edgecolors=INK, zorder=12, clip_on=False))
