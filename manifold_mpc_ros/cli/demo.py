@@ -8,13 +8,18 @@ import argparse
 import math
 import os
 import signal
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
 from manifold_mpc_ros.cli import arguments as shared
+from manifold_mpc_ros.cli.demo_watch import (
+    HOLD_S,
+    StartWatch,
+    loop_is_closed,
+    watch_until_settled,
+)
 from manifold_mpc_ros.cli.processes import NodeProcesses, free_domain_id, node_environment
 from manifold_mpc_ros.config import SimulatorConfig
 from manifold_mpc_ros.config_controller import ControllerConfig
@@ -25,7 +30,6 @@ from manifold_mpc_ros.sim.closed_loop import settling_time
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from manifold_mpc_ros.cli.demo_display import DemoDisplay
     from manifold_mpc_ros.nodes.recorder import Recorder, Recording
 
 SUMMARY = 'Close the loop over DDS: controller and simulator as two processes, live.'
@@ -36,9 +40,6 @@ EXAMPLES = """\
       another spacecraft or start
 """
 SNAPSHOTS = 8
-# The body has to stay within the tolerances for this long before it counts as settled [s].
-HOLD_S = 2.0
-LISTEN_S = 0.1
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -74,16 +75,22 @@ def run(arguments: argparse.Namespace) -> int:
     console = report.make_console()
     console.print(f'Two processes on ROS_DOMAIN_ID={domain_id}, topics under {namespace}')
     with recorder_class(domain_id, namespace) as recorder, NodeProcesses() as processes:
-        for module, file in zip(('controller', 'simulator'), files, strict=True):
+        def start(module: str, file: Path) -> None:
             processes.start(
                 module, ['--params-file', str(file), '-r', f'__ns:={namespace}'], environment,
                 arguments.output / f'{module}.log')
+
         with DemoDisplay(console) as display:
-            start_s = _wait_for_first_command(recorder, processes, arguments, display)
-            _watch(recorder, processes, arguments, display)
+            waiting = StartWatch(recorder, processes, arguments.start_limit, display)
+            start('simulator', files[1])
+            # Seen before anything moves: the recording begins at the initial state.
+            waiting.until(lambda: recorder.states > 0)
+            start('controller', files[0])
+            waiting.until(lambda: loop_is_closed(recorder))
+            watch_until_settled(recorder, processes, arguments, display)
         exits = processes.stop()
         recording, solver = recorder.recording(), recorder.solver
-    return _finish(console, recording, solver, start_s, exits, config, arguments)
+    return _finish(console, recording, solver, waiting.elapsed_s, exits, config, arguments)
 
 
 def _recorder_class() -> type[Recorder]:
@@ -100,67 +107,6 @@ def _recorder_class() -> type[Recorder]:
 def _interrupt(_number: int, _frame: object) -> NoReturn:
     """Let SIGTERM end the nodes as well, the way Ctrl-C does."""
     raise KeyboardInterrupt
-
-
-def _wait_for_first_command(
-    recorder: Recorder, processes: NodeProcesses, arguments: argparse.Namespace,
-    display: DemoDisplay,
-) -> float:
-    """Listen until the loop is closed; return how long that took [s of wall clock].
-
-    Before the controller has a state it commands zero: the first other torque closes the loop,
-    or its word that it is in control (a body that starts where it should be needs no torque).
-    """
-    begun_s = time.monotonic()
-    while not (recorder.states and recorder.commands and (
-            np.any(recorder.latest_torque()) or recorder.mode == 'NOMINAL')):
-        elapsed_s = time.monotonic() - begun_s
-        if elapsed_s > arguments.start_limit:
-            raise ManifoldMpcError(
-                f'no torque came within {arguments.start_limit:g} s of the start '
-                f'({recorder.states} states seen); the nodes said: ' + '; '.join(
-                    f'{node.name}: {node.last_words()}' for node in processes.nodes))
-        _require_running(processes)
-        display.starting(elapsed_s, recorder.states, recorder.mode)
-        recorder.listen(LISTEN_S)
-    return time.monotonic() - begun_s
-
-
-def _watch(
-    recorder: Recorder, processes: NodeProcesses, arguments: argparse.Namespace,
-    display: DemoDisplay,
-) -> None:
-    """Listen until the body has held its attitude for a while, or the time is up."""
-    begun_s = time.monotonic()
-    within_since_s: float | None = None
-    while (elapsed_s := time.monotonic() - begun_s) < arguments.time_limit:
-        _require_running(processes)
-        recorder.listen(LISTEN_S)
-        state_s, R_NB, omega_BN_B = recorder.latest_state()
-        error_rad, rate_rad_s = float(so3.angle(R_NB)), float(np.linalg.norm(omega_BN_B))
-        display.running(elapsed_s, arguments.time_limit, error_rad, rate_rad_s,
-                        recorder.latest_torque(), recorder.mode)
-        if not _within(arguments, error_rad, rate_rad_s):
-            within_since_s = None
-        elif within_since_s is None:
-            within_since_s = state_s
-        elif state_s - within_since_s >= HOLD_S:
-            return
-
-
-def _within(arguments: argparse.Namespace, error_rad: float, rate_rad_s: float) -> bool:
-    """Say whether a state is within both tolerances."""
-    return (math.degrees(error_rad) < arguments.attitude_tolerance
-            and rate_rad_s < arguments.rate_tolerance)
-
-
-def _require_running(processes: NodeProcesses) -> None:
-    """Raise when a node has ended by itself."""
-    node = processes.ended()
-    if node is not None:
-        raise ManifoldMpcError(
-            f'the {node.name} ended by itself with exit status {node.exit_status}: '
-            f'{node.last_words()} (all of it: {node.log_path})')
 
 
 def _finish(
