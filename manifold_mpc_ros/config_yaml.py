@@ -105,7 +105,7 @@ def _flatten(tree: Mapping[str, Any], prefix: str) -> dict[str, Any]:
     flat: dict[str, Any] = {}
     for key, value in tree.items():
         name = f'{prefix}{key}'
-        if isinstance(value, Mapping):
+        if isinstance(value, Mapping) and value:
             flat.update(_flatten(value, f'{name}.'))
         else:
             flat[name] = _ros_value(name, value)

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from lifecycle_msgs.srv import ChangeState
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -62,6 +63,7 @@ class ManagedNode(LifecycleNode):
         self.create_timer(DIAGNOSTICS_PERIOD_S, self.publish_diagnostics, clock=self.steady_clock)
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.create_service(SetBool, '~/pause', self._on_pause)
+        self._guard_transitions()
 
     @abstractmethod
     def build(self, values: Mapping[str, Value]) -> None:
@@ -132,6 +134,26 @@ class ManagedNode(LifecycleNode):
         """Cease to act for good."""
         self._cease()
         return super().on_shutdown(state)
+
+    def _guard_transitions(self) -> None:
+        """Answer a transition that does not exist in the present state with "no success".
+
+        rclpy lets the error out of its own service callback, which would end the process.
+        """
+        service = next(each for each in self.services if each.srv_type is ChangeState)
+        change_state = service.callback
+
+        def guarded(
+            request: ChangeState.Request, response: ChangeState.Response,
+        ) -> ChangeState.Response:
+            try:
+                return change_state(request, response)
+            except RuntimeError as error:
+                self.get_logger().warning(' '.join(str(error).split()))
+                response.success = False
+                return response
+
+        service.callback = guarded
 
     def _cease(self) -> None:
         """Stop if active."""

@@ -14,8 +14,8 @@ from manifold_mpc_ros.nodes.usage import Program
 PROGRAM = Program(
     executable='simulator',
     node_name=SIMULATOR_NAME,
-    summary='A rigid spacecraft under torque commands, integrated on SO(3) by the Lie group '
-            'variational integrator.',
+    summary='Simulate a rigid spacecraft under torque commands, by a variational integrator on '
+            'SO(3).',
     parameters=SIMULATOR_PARAMETERS,
     interfaces=(
         ('torque_command', 'geometry_msgs/msg/WrenchStamped', 'in: body torque [N m]'),

@@ -20,8 +20,9 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
+import yaml
 from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
+from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -109,6 +110,7 @@ class Rig:
         self._folder = folder
         self._domain = domain
         self._processes: list[Process] = []
+        self._known: set[str] = set()
         self._context = Context()
         rclpy.init(context=self._context, domain_id=domain,
                    signal_handler_options=SignalHandlerOptions.NO)
@@ -143,13 +145,38 @@ class Rig:
         return seen
 
     def call(self, kind: type, name: str, request: Any) -> Any:
-        """Call a service, waiting for it to exist and to answer."""
+        """Call a service of a lifecycle node; return its answer."""
+        node, _, _ = name.rpartition('/')
+        if node not in self._known:
+            self._get_known(node)
+            self._known.add(node)
         client = self.node.create_client(kind, name)
         self.until(client.service_is_ready, f'service {name}')
         future = client.call_async(request)
         self.until(future.done, f'an answer of {name}')
         self.node.destroy_client(client)
         return future.result()
+
+    def _get_known(self, node: str) -> None:
+        """Ask for the state until it is answered: the node then knows the watcher too.
+
+        A client sees a service before the service sees the client, and an answer to somebody
+        unknown is lost.
+        """
+        client = self.node.create_client(GetState, f'{node}/get_state')
+        self.until(client.service_is_ready, f'node {node}')
+        futures = [client.call_async(GetState.Request())]
+        asked_s = time.monotonic()
+
+        def ask_again() -> None:
+            nonlocal asked_s
+            if time.monotonic() - asked_s > 1.0:
+                futures.append(client.call_async(GetState.Request()))
+                asked_s = time.monotonic()
+
+        self.until(lambda: any(future.done() for future in futures), f'an answer of {node}',
+                   meanwhile=ask_again)
+        self.node.destroy_client(client)
 
     def transition(self, node: str, transition: int) -> bool:
         """Ask a node for a lifecycle transition; return whether it succeeded."""
@@ -179,6 +206,10 @@ class Rig:
             meanwhile()
             self._spin_for(LOOK_S)
 
+    def settle(self) -> None:
+        """Take in what is still on its way: until nothing has come for a while."""
+        self._spin_for(10 * LOOK_S)
+
     def _spin_for(self, duration_s: float) -> None:
         """Take in what has come, for a short while."""
         end = time.monotonic() + duration_s
@@ -205,6 +236,26 @@ def open_rig(folder: Path) -> Iterator[Rig]:
             yield rig
         finally:
             rig.close()
+
+
+def file_with(folder: Path, program: str, changes: dict[str, Any]) -> Path:
+    """Return a copy of a shipped parameter file with changes; None removes a key."""
+    document = yaml.safe_load((CONFIG / f'{program}.yaml').read_text(encoding='utf-8'))
+    (_section, content), = document.items()
+    for name, value in changes.items():
+        *groups, key = name.split('.')
+        group = content['ros__parameters']
+        for part in groups:
+            group = group[part]
+        if value is not None:
+            group[key] = value
+        elif len(group) > 1:
+            del group[key]
+        else:
+            del content['ros__parameters'][groups[0]]
+    path = folder / f'{program}.yaml'
+    path.write_text(yaml.safe_dump(document), encoding='utf-8')
+    return path
 
 
 def log_line(process: Process, text: str) -> Callable[[], bool]:

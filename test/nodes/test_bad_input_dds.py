@@ -1,0 +1,192 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The controller over DDS against states that it must not act on; the test holds the clock."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import QuaternionStamped, WrenchStamped
+from harness import stamp_ns, torque_of
+from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
+from std_srvs.srv import SetBool, Trigger
+from watching import values_of
+
+if TYPE_CHECKING:
+    from harness import Rig
+
+STEP_NS = 500_000_000
+TILTED = (math.sin(0.3), 0.0, 0.0, math.cos(0.3))
+Edit = Callable[[Odometry], None]
+
+
+def odometry(at_ns: int, quaternion_xyzw: tuple[float, ...] = TILTED) -> Odometry:
+    """Return a valid state: tilted by 0.6 rad, at rest."""
+    message = Odometry(child_frame_id='base_link')
+    message.header.frame_id = 'inertial'
+    message.header.stamp = Time(sec=at_ns // 10**9, nanosec=at_ns % 10**9)
+    q = message.pose.pose.orientation
+    q.x, q.y, q.z, q.w = quaternion_xyzw
+    return message
+
+
+class Bench:
+    """A controller whose time and states come from the test."""
+
+    def __init__(self, rig: Rig, **parameters: Any) -> None:
+        self.rig = rig
+        self.torques = rig.watch(WrenchStamped, 'torque_command')
+        self.diagnostics = rig.watch(DiagnosticArray, '/diagnostics')
+        self.states = rig.node.create_publisher(Odometry, 'odometry', 10)
+        self.clock = rig.node.create_publisher(Clock, '/clock', 10)
+        self.now_ns = 10**9
+        self.process = rig.start('controller', parameters={'autostart': False, **parameters})
+        rig.activate('/attitude_controller')
+        rig.until(lambda: self.states.get_subscription_count() > 0, 'the controller')
+
+    def tick(self, edit: Edit | None = None) -> None:
+        """Move the clock by a fifth of a step; with ``edit``, publish a state made by it."""
+        self.now_ns += STEP_NS // 5
+        if edit is not None:
+            state = odometry(self.now_ns)
+            edit(state)
+            self.states.publish(state)
+        self.clock.publish(Clock(clock=Time(
+            sec=self.now_ns // 10**9, nanosec=self.now_ns % 10**9)))
+
+    def value(self, key: str) -> str:
+        """Return the latest value of the controller's diagnostics."""
+        return values_of(self.diagnostics, 'attitude_controller').get(key, '')
+
+    def until(self, condition: Callable[[], bool], what: str, edit: Edit | None = None) -> None:
+        """Let time go until a condition holds."""
+        self.rig.until(condition, what, meanwhile=lambda: self.tick(edit))
+
+    def norms(self) -> np.ndarray:
+        """Return the size of every torque so far."""
+        return np.array([np.linalg.norm(torque_of(message)) for message in self.torques])
+
+
+def valid(_state: Odometry) -> None:
+    """Leave the state as it is."""
+
+
+def not_a_number(state: Odometry) -> None:
+    state.pose.pose.orientation.x = math.nan
+
+
+def infinite_rate(state: Odometry) -> None:
+    state.twist.twist.angular.y = math.inf
+
+
+def no_quaternion(state: Odometry) -> None:
+    state.pose.pose.orientation.x = state.pose.pose.orientation.w = 0.0
+
+
+def another_frame(state: Odometry) -> None:
+    state.header.frame_id = 'odom'
+
+
+BAD = {
+    'non_finite': not_a_number, 'quaternion_norm': no_quaternion, 'wrong_frame': another_frame}
+
+
+def test_zero_until_a_valid_state_then_zero_when_it_is_old(rig: Rig) -> None:
+    bench = Bench(rig, use_sim_time=True)
+    bench.until(lambda: len(bench.torques) > 3, 'commands without any state')
+    assert bench.value('mode') in ('', 'WAIT')
+    for reason, edit in [*BAD.items(), ('non_finite', infinite_rate)]:
+        key = f'refused.odometry.{reason}'
+        before = int(bench.value(key) or 0)
+        bench.until(lambda k=key, n=before: int(bench.value(k) or 0) > n + 2, reason, edit)
+    assert "'odom'" in ''.join(
+        values_of([array], 'attitude_controller').get('message', '')
+        for array in bench.diagnostics)
+    waiting = len(bench.torques)
+    assert waiting > 5
+    assert bench.norms()[:waiting].max() == 0.0
+
+    bench.until(lambda: bench.norms()[-3:].min() > 0.0, 'torque on a valid state', valid)
+    assert bench.value('mode') in ('WAIT', 'NOMINAL')
+    last_state_ns = bench.now_ns
+    bench.until(lambda: bench.value('mode') == 'COAST', 'a state that is too old')
+    bench.until(lambda: bench.norms()[-3:].max() == 0.0, 'zero torque')
+    after = [torque_of(m) for m in bench.torques if stamp_ns(m) == last_state_ns]
+    acted = sum(any(torque) for torque in after)
+    assert 4 <= acted <= 6  # five steps, give or take the edge
+    assert bench.process.running
+
+    bench.until(lambda: bench.norms()[-1] > 0.0, 'torque again', valid)
+
+
+def test_stale_future_and_repeated_stamps_are_refused(rig: Rig) -> None:
+    bench = Bench(rig, use_sim_time=True)
+    bench.until(lambda: bench.value('mode') == 'NOMINAL', 'a valid state', valid)
+
+    def shifted(seconds: int) -> Edit:
+        def edit(state: Odometry) -> None:
+            state.header.stamp.sec += seconds
+        return edit
+
+    def frozen(state: Odometry) -> None:
+        state.header.stamp = Time(sec=first // 10**9, nanosec=first % 10**9)
+
+    bench.until(lambda: bench.now_ns > 10 * 10**9, 'ten seconds', valid)
+    bench.until(lambda: bool(bench.value('refused.odometry.future')), 'future', shifted(3))
+    bench.until(lambda: bool(bench.value('refused.odometry.stale')), 'stale', shifted(-5))
+    first = bench.now_ns + STEP_NS // 5
+    bench.until(lambda: bool(bench.value('refused.odometry.duplicate')), 'duplicate', frozen)
+    bench.until(lambda: bench.value('mode') == 'COAST', 'duplicates that keep nothing alive',
+                frozen)
+
+
+def test_both_signs_of_a_quaternion_give_the_same_bits(rig: Rig) -> None:
+    bench = Bench(rig, lockstep=True)
+    # exactly 180 degrees about an axis in general position, and a tilt
+    for quaternion in [(2 / 7, -3 / 7, 6 / 7, 0.0), TILTED]:
+        answers = []
+        for sign in (1.0, -1.0):
+            assert rig.call(Trigger, '/attitude_controller/reset', Trigger.Request()).success
+            bench.now_ns += STEP_NS
+            state = odometry(bench.now_ns, tuple(sign * x for x in quaternion))
+            before = len(bench.torques)
+            bench.states.publish(state)
+            rig.until(lambda n=before: len(bench.torques) > n, 'an answer')
+            assert stamp_ns(bench.torques[-1]) == bench.now_ns
+            answers.append([x.hex() for x in torque_of(bench.torques[-1])])
+        assert answers[0] == answers[1]
+        assert any(torque_of(bench.torques[-1]))
+
+
+def test_setpoints_are_checked_and_a_pause_commands_zero(rig: Rig) -> None:
+    bench = Bench(rig, use_sim_time=True, initial_setpoint='hold')
+    bench.until(lambda: bench.value('mode') == 'NOMINAL', 'a valid state', valid)
+    assert bench.norms().max() < 1e-9  # holding where it is, at rest, takes nothing
+    publisher = rig.node.create_publisher(QuaternionStamped, 'attitude_setpoint', 10)
+    setpoint = QuaternionStamped()
+    setpoint.header.frame_id = 'inertial'
+    setpoint.quaternion.w = math.nan
+
+    def aim(state: Odometry) -> None:
+        valid(state)
+        publisher.publish(setpoint)
+
+    bench.until(lambda: bool(bench.value('refused.attitude_setpoint.non_finite')), 'refusal', aim)
+    assert bench.value('setpoint') == 'initial'
+    setpoint.quaternion.w = 1.0
+    bench.until(lambda: bench.norms()[-1] > 0.01, 'torque towards the setpoint', aim)
+    assert rig.call(SetBool, '/attitude_controller/pause', SetBool.Request(data=True)).success
+    bench.until(lambda: bench.value('mode') == 'PAUSED' and bench.norms()[-2:].max() == 0.0,
+                'a pause', valid)
+    assert rig.call(SetBool, '/attitude_controller/pause', SetBool.Request(data=False)).success
+    bench.until(lambda: bench.norms()[-1] > 0.01, 'torque again', valid)

@@ -1,0 +1,57 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Command lines of the executables; no ROS needed."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from manifold_mpc_ros.nodes import controller, simulator
+from manifold_mpc_ros.nodes.usage import Program, parse_arguments
+
+PROGRAMS = [controller.PROGRAM, simulator.PROGRAM]
+
+
+@pytest.mark.parametrize('program', PROGRAMS)
+def test_help_names_every_parameter_with_its_unit(
+    program: Program, capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(SystemExit) as end:
+        parse_arguments(program, ['--help'])
+    assert end.value.code == 0
+    text = capsys.readouterr().out
+    for spec in program.parameters:
+        assert (f'{spec.name} [{spec.unit}]' if spec.unit else spec.name) in text
+    for name, kind, _meaning in program.interfaces:
+        assert name in text
+        assert kind in text
+    assert max(map(len, text.splitlines())) <= 100
+
+
+@pytest.mark.parametrize('argv', [
+    ['--foo'], ['foo'], ['--ros-args', '-p', 'a:=1', '--', '--foo'],
+])
+def test_an_unknown_argument_ends_with_2(argv: list[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        parse_arguments(controller.PROGRAM, argv)
+    assert end.value.code == 2
+
+
+def test_ros_arguments_pass_and_parameter_files_are_found() -> None:
+    argv = ['--ros-args', '--params-file', 'a.yaml', '-r', 'x:=y', '--params-file', 'b.yaml', '--']
+    arguments = parse_arguments(controller.PROGRAM, argv)
+    assert arguments.ros == argv
+    assert arguments.parameter_files == ['a.yaml', 'b.yaml']
+    assert parse_arguments(controller.PROGRAM, []).parameter_files == []
+
+
+@pytest.mark.parametrize('module', ['controller', 'simulator'])
+def test_the_module_runs_and_knows_its_name(module: str) -> None:
+    done = subprocess.run(
+        [sys.executable, '-m', f'manifold_mpc_ros.nodes.{module}', '--unknown'],
+        capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == 2
+    assert f'{module}: error: unrecognized arguments: --unknown' in done.stderr
