@@ -135,8 +135,7 @@ class Oracle:
         solver = self._near if polish else self._cold
         result = solver(x0=guess, p=state, **self._bounds)
         torques = np.array(self._torques(result['x'], state)).T
-        solved = solver.stats()['return_status'] in ('Solve_Succeeded', 'Solved_To_Acceptable_Level')
-        return Optimum(float(result['f']) if solved else np.inf, torques)
+        return Optimum(float(result['f']) if solver.stats()['success'] else np.inf, torques)
 
     def _write(self, problem: _Problem, state: ca.SX) -> list[ca.SX]:
         """Write all stages and the end; return the torques."""
