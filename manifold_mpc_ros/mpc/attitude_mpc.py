@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from manifold_mpc_ros.config import AttitudeMpcConfig
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc import search
+from manifold_mpc_ros.mpc.build import load_functions
 from manifold_mpc_ros.mpc.engine import Engine, Trajectory
 from manifold_mpc_ros.mpc.scaling import Array, flat_parameters, scaling_of
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
@@ -21,6 +22,8 @@ from manifold_mpc_ros.mpc.terminal import TerminalDesign, design_terminal
 
 # Barrier parameter of a warm start.
 WARM_BARRIER = 1e-3
+# A level that no state exceeds: the terminal set is then not there.
+NO_LEVEL = 1e12
 # A relative violation of a state limit above this makes a plan infeasible.
 VIOLATION = 1e-6
 # The warm plan is kept while its value stays within this of what the last plan promised, and
@@ -29,6 +32,11 @@ PROMISE = 1e-2
 SEARCH_ANGLE_RAD = np.pi / 2
 # A commanded attitude that moved by more than this [rad] forgets the warm start.
 SETPOINT_MOVED_RAD = 1e-3
+
+
+def _reaches_set(plan: Trajectory) -> bool:
+    """Return whether a plan ends in the terminal set."""
+    return plan.terminal_violation <= VIOLATION
 
 
 def structure_of(config: AttitudeMpcConfig) -> Structure:
@@ -45,8 +53,10 @@ class AttitudeMpc:
 
         sum_k tr(Qg (I - g_k)) + tr(Qf (I - f_k)) / h^2 + tr(u_k^T R u_k) / 2 + xi_N^T P xi_N / 2
 
-    with ``g = R_ND^T R_NB``, subject to torque limits (hard), rate limits at k >= 1 and the
-    terminal set (both exact penalties, so that there is always a plan). From a cold start the
+    with ``g = R_ND^T R_NB``, subject to torque limits, rate limits at k >= 1 and the terminal
+    set. Outside D_N, where no plan meets them all, the terminal set is dropped, the rate limits
+    are violated as little as an exact penalty says, torque limits still hold, and the status
+    is 'infeasible'. From a cold start the
     search covers both sides of the 180 degree set and the torque octants; later ticks improve
     the shifted plan, which keeps the side of the turn, and search again only when the plan's
     value breaks the decrease promised by the last one with more than 90 degrees left to turn,
@@ -74,18 +84,19 @@ class AttitudeMpc:
         self._unit = scaling_of(config)
         structure = structure_of(config)
         parameters = flat_parameters(config, self.terminal.P, self.terminal.K, self.terminal.c)
-        self._engine = Engine(structure, parameters, backend, cache_dir)
+        functions, self.backend = load_functions(structure, backend, cache_dir)
+        self._strict = Engine(structure, functions, parameters)
+        self._relaxed = self._strict
+        if structure.terminal_set:
+            unbounded = flat_parameters(config, self.terminal.P, self.terminal.K, NO_LEVEL)
+            self._relaxed = Engine(structure, functions, unbounded)
         self._pool = [Trajectory(structure) for _ in search.starts(structure.torque_box)]
         self._plan = Trajectory(structure)
         self._shifted = Trajectory(structure)
         self._guard = float(np.linalg.eigvalsh(config.inertia_kg_m2)[0])
         self._R_ND = np.eye(3)
         self._promised: float | None = None
-
-    @property
-    def backend(self) -> str:
-        """'c' for compiled code, 'vm' for CasADi's virtual machine."""
-        return self._engine.backend
+        self._inside = True
 
     def reset(self) -> None:
         """Forget the warm start; the next solve searches globally."""
@@ -115,8 +126,11 @@ class AttitudeMpc:
             self.reset()
         self._R_ND = target
         error = so3.attitude_error_B(target, attitude)
-        self._engine.set_state(so3.quaternion_from_rotation(error), omega * self._unit.time_s)
-        plan, passes, searched = self._find_plan(so3.angle(error) < SEARCH_ANGLE_RAD)
+        quaternion = so3.quaternion_from_rotation(error)
+        for engine in (self._strict, self._relaxed):
+            engine.set_state(quaternion, omega * self._unit.time_s)
+        near = bool(so3.angle(error) < SEARCH_ANGLE_RAD)
+        plan, passes, searched = self._find_plan(near)
         if plan is None:
             self.reset()
             return self._failed(attitude, omega, time.perf_counter() - begin)
@@ -125,30 +139,59 @@ class AttitudeMpc:
         return self._report(passes, searched, begin)
 
     def _find_plan(self, near: bool) -> tuple[Trajectory | None, int, bool]:
-        """Return the plan from the engine's state, passes used, and whether it was searched."""
-        passes = 0
+        """Return the plan, the passes used, and whether the global search ran.
+
+        First with the terminal set; when that cannot be reached, without it. From outside D_N
+        the set is tried again at every tick, from the shifted plan only.
+        """
+        was_inside, passes, searched = self._inside, 0, False
         if self._promised is not None:
-            self._shifted.copy_from(self._engine.begin_plan(self._plan.torques[1:], 0.0))
-            warm = self._engine.begin_plan(self._plan.torques[1:], WARM_BARRIER)
-            warm = self._engine.iterate(search.MOST_PASSES)
-            passes = int(warm.progress.passes)
-            if search.is_converged(warm) and (near or self._keeps_promise(warm.progress.cost)):
-                return warm, passes, False
-        best, searched = search.global_search(self._engine, self._pool)
+            plan, passes = self._improve(self._strict)
+            if plan is not None and _reaches_set(plan) and (
+                    near or not was_inside or self._keeps_promise(plan)):
+                self._inside = True
+                return plan, passes, False
+        if self._promised is None or was_inside:
+            plan, more = self._search(self._strict)
+            passes, searched = passes + more, True
+            if self._relaxed is self._strict or (plan is not None and _reaches_set(plan)):
+                self._inside = True
+                return plan, passes, True
+        self._inside = False
+        if self._promised is not None:
+            plan, more = self._improve(self._relaxed)
+            passes += more
+            if plan is not None and (near or self._keeps_promise(plan)):
+                return plan, passes, searched
+        plan, more = self._search(self._relaxed)
+        return plan, passes + more, True
+
+    def _improve(self, engine: Engine) -> tuple[Trajectory | None, int]:
+        """Return the converged plan that starts from the shifted one, or None; and its passes."""
+        shifted = self._plan.torques[1:]
+        self._shifted.copy_from(engine.begin_plan(shifted, 0.0))
+        engine.begin_plan(shifted, WARM_BARRIER)
+        plan = engine.iterate(search.MOST_PASSES)
+        return plan if search.is_converged(plan) else None, int(plan.progress.passes)
+
+    def _search(self, engine: Engine) -> tuple[Trajectory | None, int]:
+        """Return the best of the global search and the shifted plan, and the passes it took."""
+        best, passes = search.global_search(engine, self._pool)
         if best is not None and self._promised is not None and (
                 self._shifted.progress.cost < best.progress.cost):
             best = self._shifted
-        return best, passes + searched, True
+        return best, passes
 
-    def _keeps_promise(self, value: float) -> bool:
+    def _keeps_promise(self, plan: Trajectory) -> bool:
         """Return whether a plan's value (with penalties) is what the last plan promised."""
         assert self._promised is not None
-        return value <= self._promised + PROMISE * max(abs(self._promised), 1e-3)
+        bound = self._promised + PROMISE * max(abs(self._promised), 1e-3)
+        return bool(plan.progress.cost <= bound)
 
     def _value_after_first_step(self) -> float:
         """Return ``V - L`` (dimensionless), the bound on the value at the next tick."""
         node, torque = self._plan.nodes[0], self._plan.torques[0]
-        return float(self._plan.progress.cost) - self._engine.stage_cost(node, torque)
+        return float(self._plan.progress.cost) - self._strict.stage_cost(node, torque)
 
     def _predictable(self, attitude: Array, omega: Array, target: Array) -> bool:
         """Return whether the state is finite, on SO(3), and inside the existence guard."""
@@ -163,9 +206,10 @@ class AttitudeMpc:
         """Return the current plan in SI units."""
         plan, unit = self._plan, self._unit
         torques = plan.torques * unit.torque_n_m
-        violation = float(np.max(plan.elastic, initial=0.0))
+        violation = max(float(np.max(plan.rate_violations, initial=0.0)),
+                        plan.terminal_violation)
         status = SolveStatus.FEASIBLE
-        if violation > VIOLATION:
+        if violation > VIOLATION or not self._inside:
             status = SolveStatus.INFEASIBLE
         elif search.is_converged(plan):
             status = SolveStatus.CONVERGED

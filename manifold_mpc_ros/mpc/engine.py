@@ -7,16 +7,13 @@ All buffers are allocated once; a call costs no allocation and no conversion.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import casadi as ca
 import numpy as np
 
 from manifold_mpc_ros.mpc import sqp
-from manifold_mpc_ros.mpc.build import load_functions
 from manifold_mpc_ros.mpc.scaling import Array
 from manifold_mpc_ros.mpc.sqp import Progress
-from manifold_mpc_ros.mpc.sweep import PENALTY, Structure
+from manifold_mpc_ros.mpc.sweep import RATE_PENALTY, TERMINAL_PENALTY, Structure
 
 
 class _Call:
@@ -61,17 +58,22 @@ class Trajectory:
         return Progress(*self.arrays[5])
 
     @property
-    def elastic(self) -> Array:
-        """Elastic variables of all state inequalities, relative violations of their bounds."""
+    def rate_violations(self) -> Array:
+        """Relative violations of the rate limits (N, 6); no columns without limits."""
         s = self._structure
         first = 12 * s.torque_box + 6 * s.rate_box
-        stages = self.arrays[3].reshape(s.horizon, -1)[:, first:first + 6 * s.rate_box]
-        return np.concatenate([stages.ravel(), self.arrays[4][1:2]])
+        return self.arrays[3].reshape(s.horizon, -1)[:, first:first + 6 * s.rate_box]
+
+    @property
+    def terminal_violation(self) -> float:
+        """``xi^T P xi / c - 1`` of the last node where positive; 0 without a terminal set."""
+        return float(self.arrays[4][1]) if self._structure.terminal_set else 0.0
 
     @property
     def cost(self) -> float:
         """The cost without the penalties on violations, dimensionless."""
-        return float(self.progress.cost - PENALTY * self.elastic.sum())
+        return float(self.progress.cost - RATE_PENALTY * self.rate_violations.sum()
+                     - TERMINAL_PENALTY * self.terminal_violation)
 
     def copy_from(self, other: Trajectory) -> None:
         """Take over another trajectory's numbers."""
@@ -80,13 +82,12 @@ class Trajectory:
 
 
 class Engine:
-    """The compiled (or interpreted) solver of one structure and one set of parameters."""
+    """The solver's functions (see :mod:`.build`) with one set of parameters."""
 
-    def __init__(self, structure: Structure, parameters: Array, backend: str,
-                 cache_dir: str | Path | None) -> None:
-        """Load the functions and bind their memory."""
+    def __init__(self, structure: Structure, functions: list[ca.Function], parameters: Array
+                 ) -> None:
+        """Bind the functions to memory of their own."""
         self.structure = structure
-        functions, self.backend = load_functions(structure, backend, cache_dir)
         n = structure.horizon
         self._flat = np.ascontiguousarray(parameters, dtype=float)
         self._q, self._omega, self._node = np.zeros(4), np.zeros(3), np.zeros(10)

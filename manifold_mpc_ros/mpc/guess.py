@@ -15,14 +15,17 @@ import casadi as ca
 from manifold_mpc_ros.dynamics.symbolic import cayley_step, solve_3x3
 from manifold_mpc_ros.mpc import stage
 from manifold_mpc_ros.mpc.scaling import PARAMETERS, Parameters, unpack
-from manifold_mpc_ros.mpc.sweep import PENALTY, Structure, predict
+from manifold_mpc_ros.mpc.sweep import RATE_PENALTY, TERMINAL_PENALTY, Structure, predict
 
 # Fractions of the limits that a starting trajectory uses.
 _TORQUE_FRACTION = 0.9
 _RATE_FRACTION = 0.85
 _BRAKING_FRACTION = 0.6
-# Largest rate of a starting slew [rad per step] where the configuration sets no limit.
+# A starting slew turns at most this much per step [rad], and loads the existence guard so far.
 _FREE_RATE = 0.7
+_GUARD_FRACTION = 0.6
+# Multipliers of state inequalities start at most here (dimensionless cost per relative unit).
+_LARGEST_START_MULTIPLIER = 10.0
 
 
 def _continuous_log(q: ca.SX) -> ca.SX:
@@ -38,7 +41,7 @@ def _slew_torque(structure: Structure, node: ca.SX, lean: ca.SX, p: Parameters) 
     error = _continuous_log(q)
     length = ca.sqrt(ca.dot(error, error) + 1e-30)
     axis = error / length
-    cap = ca.SX(_FREE_RATE)
+    cap = ca.fmin(_FREE_RATE, _GUARD_FRACTION * p.guard / ca.norm_2(p.inertia @ axis))
     if structure.torque_box:
         effort = p.inertia @ axis / p.max_torque
         braking = 1 / ca.sqrt(ca.dot(effort, effort))
@@ -82,12 +85,16 @@ def start_torque(structure: Structure) -> ca.Function:
     return ca.Function('start_torque', [node, given, lean, source, flat], [torque])
 
 
-def _elastic_start(value: ca.SX, mu: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Return the (y, t, s) on the central path of mu: y = t - value, s y = (c - s) t = mu."""
-    scaled = PENALTY * value
-    t = (scaled + 2 * mu + ca.sqrt(scaled * scaled + 4 * mu * mu)) / (2 * PENALTY)
+def _elastic_start(value: ca.SX, mu: ca.SX, penalty: float) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Return (y, t, s): y = t - value and t on the central path of mu, s capped.
+
+    On a bound the central multiplier is half the penalty, far above any real one, and the first
+    steps would creep; the cap lets them move inside.
+    """
+    scaled = penalty * value
+    t = (scaled + 2 * mu + ca.sqrt(scaled * scaled + 4 * mu * mu)) / (2 * penalty)
     y = t - value
-    return y, t, mu / y
+    return y, t, ca.fmin(mu / y, _LARGEST_START_MULTIPLIER)
 
 
 def start_stage(structure: Structure) -> ca.Function:
@@ -106,9 +113,9 @@ def start_stage(structure: Structure) -> ca.Function:
         logs += ca.sum1(ca.log(y))
     node_next, cayley, residual = predict(structure, node, u, flat)
     if structure.rate_box:
-        y, t, s = _elastic_start(stage.box(node_next[4:7], p.max_rate), mu)
+        y, t, s = _elastic_start(stage.box(node_next[4:7], p.max_rate), mu, RATE_PENALTY)
         duals += [y, t, s]
-        cost += PENALTY * ca.sum1(t)
+        cost += RATE_PENALTY * ca.sum1(t)
         logs += ca.sum1(ca.log(y)) + ca.sum1(ca.log(t))
     cost += stage.torque_cost(u, p)
     sums_out = ca.vertcat(sums[0] + cost, sums[1] + logs, ca.fmax(sums[2], residual))
@@ -125,9 +132,9 @@ def start_terminal(structure: Structure) -> ca.Function:
     form = ca.dot(xi, p.terminal_weight @ xi)
     cost, logs, dual = form / 2, ca.SX(0), ca.SX(0, 1)
     if structure.terminal_set:
-        y, t, s = _elastic_start(form / p.terminal_level - 1, mu)
+        y, t, s = _elastic_start(form / p.terminal_level - 1, mu, TERMINAL_PENALTY)
         dual = ca.vertcat(y, t, s)
-        cost += PENALTY * t
+        cost += TERMINAL_PENALTY * t
         logs = ca.log(y) + ca.log(t)
     return ca.Function('start_terminal', [node, mu, flat, sums],
                        [dual, sums + ca.vertcat(cost, logs, 0)])

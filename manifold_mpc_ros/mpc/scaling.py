@@ -23,7 +23,10 @@ _UNLIMITED = 1e6
 
 
 class Parameters(NamedTuple):
-    """The dimensionless problem, symbolic (CasADi) or numeric, in the order of the flat vector."""
+    """The dimensionless problem, symbolic (CasADi) or numeric, in the order of the flat vector.
+
+    ``guard`` is the smallest principal inertia: an implicit step with |m| below it exists.
+    """
 
     inertia: ca.SX
     inertia_inverse: ca.SX
@@ -35,12 +38,13 @@ class Parameters(NamedTuple):
     terminal_gain: ca.SX
     max_torque: ca.SX
     max_rate: ca.SX
+    guard: ca.SX
 
 
 _SHAPES = Parameters(
     inertia=(3, 3), inertia_inverse=(3, 3), attitude_weight=(3, 3), rate_weight=(3, 3),
     torque_hessian=(3, 3), terminal_weight=(6, 6), terminal_level=(1, 1), terminal_gain=(3, 6),
-    max_torque=(3, 1), max_rate=(3, 1))
+    max_torque=(3, 1), max_rate=(3, 1), guard=(1, 1))
 PARAMETERS = sum(rows * columns for rows, columns in _SHAPES)
 
 
@@ -87,7 +91,8 @@ def flat_parameters(config: AttitudeMpcConfig, terminal_weight: Array, terminal_
         terminal_level=np.array([level / unit.cost]),
         terminal_gain=terminal_gain @ to_si / unit.torque_n_m,
         max_torque=_limits(config.max_torque_n_m, unit.torque_n_m),
-        max_rate=_limits(config.max_rate_rad_s, unit.rate_rad_s))
+        max_rate=_limits(config.max_rate_rad_s, unit.rate_rad_s),
+        guard=np.linalg.eigvalsh(inertia)[:1])
     return np.concatenate([np.ravel(block, order='F') for block in blocks])
 
 

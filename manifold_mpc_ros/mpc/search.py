@@ -77,7 +77,8 @@ def global_search(engine: Engine, pool: list[Trajectory]) -> tuple[Trajectory | 
         engine.begin_slew(np.array(start.lean), lean_steps(engine.structure.horizon),
                           start.long_way, COLD_BARRIER)
         slot.copy_from(engine.iterate(SCREEN_PASSES))
-    candidates = [slot for slot in pool if slot.progress.passes > 0]
+    candidates = [slot for slot in pool
+                  if slot.progress.passes > 0 and np.isfinite(slot.progress.cost)]
     if not candidates:
         return None, 0
     bar = _HOPELESS * min(slot.progress.cost for slot in candidates)
@@ -92,15 +93,16 @@ def global_search(engine: Engine, pool: list[Trajectory]) -> tuple[Trajectory | 
 
 
 def choose(finalists: list[Trajectory]) -> Trajectory:
-    """Return the cheapest trajectory; among equals the one with the greatest first torque.
+    """Return the cheapest trajectory; among equals the one with the smallest first torque.
 
-    Greatest in lexicographic order of the torques rounded to 1e-6: at 180 degrees both sides
-    cost the same, and this picks the same one whatever the noise in the attitude's sign.
+    Smallest in lexicographic order of the torques rounded to 1e-6: at 180 degrees both sides
+    cost the same, and this picks the same one whatever the noise in the attitude's sign, the
+    one that turns back along the positive axis as ``so3.log`` has it.
     """
     best = min(slot.progress.cost for slot in finalists)
     equals = [slot for slot in finalists
               if slot.progress.cost <= best + TIE * max(abs(best), 1.0)]
-    return max(equals, key=lambda slot: _rank(slot.torques[0]))
+    return min(equals, key=lambda slot: _rank(slot.torques[0]))
 
 
 def _rank(torque: Array) -> tuple[float, ...]:

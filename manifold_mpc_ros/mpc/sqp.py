@@ -25,7 +25,9 @@ _BARRIER_READY = 10.0
 _BARRIER_FACTOR = 0.1
 _BARRIER_POWER = 1.5
 _ARMIJO = 1e-4
-_NOISE = 1e-11
+# Rounding of cost and barrier, relative: changes below it count as no increase.
+_COST_NOISE = 1e-11
+_BARRIER_NOISE = 1e-13
 _BACKTRACK = 1 / 3
 _SMALLEST_STEP = 1e-6
 # Blend towards the exact Hessian: halved while it is indefinite, grown on every accepted pass.
@@ -33,7 +35,7 @@ _BLEND_DOWN = 0.5
 _BLEND_UP = 1.5
 _SMALLEST_BLEND = 0.05
 # A relative pivot of Quu below this counts as indefinite.
-_SMALLEST_PIVOT = 1e-10
+_SMALLEST_PIVOT = 1e-14
 PASSES_PER_CALL = 4
 
 RUNNING, CONVERGED, STALLED = 0, 1, 2
@@ -174,7 +176,8 @@ def pass_function(structure: Structure) -> ca.Function:
     sums = trial[-1]
     merit_old = old.cost - old.mu * old.logs
     merit = sums[0] - old.mu * sums[1]
-    bound = merit_old - _ARMIJO * old.alpha * residuals[2] + _NOISE * ca.fabs(old.cost)
+    noise = _COST_NOISE * ca.fabs(old.cost) + _BARRIER_NOISE * ca.fabs(old.mu * old.logs)
+    bound = merit_old - _ARMIJO * old.alpha * residuals[2] + noise
     descends = ca.logic_and(merit <= bound, sums[2] < STEP_RESIDUAL)
     accept = ca.logic_and(descends, ca.logic_not(ca.logic_or(indefinite, converged)))
     exhausted = ca.logic_and(ca.logic_not(accept), old.alpha < _SMALLEST_STEP)

@@ -49,11 +49,6 @@ def free_step_derivative(node: ca.SX, p: Parameters) -> StepDerivative:
     return step_derivative(c, p.inertia @ omega, p.inertia)
 
 
-def trace_cost(weight: ca.SX, rotation: ca.SX) -> ca.SX:
-    """Return ``tr(Q (I - R))``, paper eq. for L."""
-    return ca.trace(weight) - ca.sum1(ca.sum2(weight * rotation))
-
-
 def state_cost(node: ca.SX, free: StepDerivative, p: Parameters) -> Quadratic:
     """Return ``tr(Qg (I - g)) + tr(Qf (I - f))`` with Hessians ``tr(S) I - S``, S = g^T Qg g."""
     g = rotation_from_quaternion(node[0:4])
@@ -66,11 +61,15 @@ def state_cost(node: ca.SX, free: StepDerivative, p: Parameters) -> Quadratic:
 
 
 def state_cost_value(node: ca.SX, p: Parameters) -> ca.SX:
-    """Return the value of :func:`state_cost` alone."""
+    """Return ``tr(Qg (I - g)) + tr(Qf (I - f))`` without cancellation near the identity.
+
+    For a unit quaternion (w, v) and symmetric Q, ``tr(Q (I - R)) = 2 v^T (tr(Q) I - Q) v``.
+    """
     q, _, c = split_node(node)
-    f = rotation_from_quaternion(cayley_quaternion(c))
-    return (trace_cost(p.attitude_weight, rotation_from_quaternion(q))
-            + trace_cost(p.rate_weight, f))
+    v = q[1:4]
+    by_attitude = ca.dot(v, trace_hessian(p.attitude_weight) @ v)
+    by_rate = ca.dot(c, trace_hessian(p.rate_weight) @ c) / (1 + ca.dot(c, c))
+    return 2 * (by_attitude + by_rate)
 
 
 def torque_cost(u: ca.SX, p: Parameters) -> ca.SX:

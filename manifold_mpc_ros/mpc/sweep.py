@@ -29,8 +29,10 @@ from manifold_mpc_ros.mpc.scaling import PARAMETERS, Parameters, unpack
 BOUNDARY = 0.995
 # Multipliers stay within this factor of mu / slack (as in primal-dual methods at large).
 MULTIPLIER_SPREAD = 1e8
-# Cost of one unit of relative violation of a state inequality, in units of tr(Qg)/3.
-PENALTY = 1e4
+# Cost of one unit of relative violation of a rate limit and of the terminal level, in units
+# of tr(Qg)/3: exact penalties as long as they exceed the multipliers of the hard problem.
+RATE_PENALTY = 1e4
+TERMINAL_PENALTY = 1e3
 # A Newton residual above this marks a roll-out that left the principal branch.
 STEP_RESIDUAL = 1e-9
 
@@ -127,12 +129,12 @@ def backward_terminal(structure: Structure) -> ca.Function:
     v_xx, v_x, complementarity = form_hessian, form.gradient, ca.SX(0)
     if structure.terminal_set:
         y, t, s = dual[0], dual[1], dual[2]
-        bounds = stage.elastic_bounds(y, t, s, mu, PENALTY)
+        bounds = stage.elastic_bounds(y, t, s, mu, TERMINAL_PENALTY)
         slope = 2 / p.terminal_level * form.gradient
         v_xx += bounds.weight * slope @ slope.T + s * 2 / p.terminal_level * form_hessian
         v_x = v_x + slope * bounds.pull
         adjoint = adjoint + slope * s
-        complementarity = _largest(y * s, (PENALTY - s) * t)
+        complementarity = _largest(y * s, (TERMINAL_PENALTY - s) * t)
     return ca.Function('backward_terminal', [node, dual, mu, exact, flat],
                        dense(v_xx, v_x, adjoint, ca.vertcat(0, complementarity, 0, 1)))
 
@@ -156,12 +158,12 @@ def _add_inequalities(structure: Structure, i: _Inputs, v_xx: ca.SX, v_x: ca.SX,
     q_uu, q_u = p.torque_hessian, p.torque_hessian @ i.torque
     stationarity, products = q_u, []
     if structure.rate_box:
-        bounds = stage.elastic_bounds(y_rate, t_rate, s_rate, i.mu, PENALTY)
+        bounds = stage.elastic_bounds(y_rate, t_rate, s_rate, i.mu, RATE_PENALTY)
         zero = ca.SX.zeros(3)
         v_xx = v_xx + ca.diagcat(zero @ zero.T, stage.box_hessian(bounds.weight, p.max_rate))
         v_x = v_x + ca.vertcat(zero, stage.box_transpose(bounds.pull, p.max_rate))
         adjoint = adjoint + ca.vertcat(zero, stage.box_transpose(s_rate, p.max_rate))
-        products += [y_rate * s_rate, (PENALTY - s_rate) * t_rate]
+        products += [y_rate * s_rate, (RATE_PENALTY - s_rate) * t_rate]
     if structure.torque_box:
         bounds = stage.hard_bounds(y_torque, s_torque, i.mu)
         q_uu = q_uu + stage.box_hessian(bounds.weight, p.max_torque)
@@ -222,14 +224,14 @@ def _advance_multiplier(bounds: stage.Bounds, change: ca.SX, alpha: ca.SX, mu: c
 
 
 def _advance_elastic(bounds: stage.Bounds, change: ca.SX, predicted: ca.SX, t: ca.SX,
-                     alpha: ca.SX, mu: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+                     alpha: ca.SX, mu: ca.SX, penalty: float) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Return new (y, t, s) of elastic inequalities; y and t shrink by at most BOUNDARY.
 
     ``change`` is what the values did in the roll-out, ``predicted`` what the linear model says;
     multipliers follow the latter, which stays accurate when the step is tiny. y and t are moved
     by differences and never recomputed from the values, for the same reason.
     """
-    s, gap, keep = bounds.multiplier, PENALTY - bounds.multiplier, 1 - BOUNDARY
+    s, gap, keep = bounds.multiplier, penalty - bounds.multiplier, 1 - BOUNDARY
     d_s = bounds.weight * (predicted + alpha * bounds.offset)
     d_t = alpha * (mu / gap - t) + t / gap * d_s
     d_t = ca.fmax(ca.fmax(d_t, (keep - 1) * t), change + (keep - 1) * bounds.slack)
@@ -290,11 +292,12 @@ def forward_stage(structure: Structure) -> ca.Function:
     if structure.rate_box:
         ratio = (node_next_new[4:7] - i.node_next[4:7]) / p.max_rate
         predicted = linear_next[3:6] / p.max_rate
-        bounds = stage.elastic_bounds(y_rate, t_rate, s_rate, i.mu, PENALTY)
+        bounds = stage.elastic_bounds(y_rate, t_rate, s_rate, i.mu, RATE_PENALTY)
         moved = _advance_elastic(bounds, ca.vertcat(ratio, -ratio),
-                                 ca.vertcat(predicted, -predicted), t_rate, alpha, i.mu)
+                                 ca.vertcat(predicted, -predicted), t_rate, alpha, i.mu,
+                                 RATE_PENALTY)
         duals += moved
-        cost += PENALTY * ca.sum1(moved[1])
+        cost += RATE_PENALTY * ca.sum1(moved[1])
         logs += _log_sum(moved[0]) + _log_sum(moved[1])
     cost += stage.torque_cost(u_new, p)
     sums_out = ca.vertcat(sums[0] + cost, sums[1] + logs, ca.fmax(sums[2], residual))
@@ -317,10 +320,11 @@ def forward_terminal(structure: Structure) -> ca.Function:
         form = stage.terminal_form(node, stage.free_step_derivative(node, p), p)
         change = (form_new - 2 * form.value) / p.terminal_level
         predicted = 2 * ca.dot(form.gradient, linear) / p.terminal_level
-        bounds = stage.elastic_bounds(dual[0], dual[1], dual[2], mu, PENALTY)
-        moved = _advance_elastic(bounds, change, predicted, dual[1], alpha, mu)
+        bounds = stage.elastic_bounds(dual[0], dual[1], dual[2], mu, TERMINAL_PENALTY)
+        moved = _advance_elastic(bounds, change, predicted, dual[1], alpha, mu,
+                                 TERMINAL_PENALTY)
         dual_new = ca.vertcat(*moved)
-        cost += PENALTY * moved[1]
+        cost += TERMINAL_PENALTY * moved[1]
         logs = ca.log(moved[0]) + ca.log(moved[1])
     return ca.Function('forward_terminal', [node, node_new, dual, linear, alpha, mu, sums, flat],
                        dense(dual_new, sums + ca.vertcat(cost, logs, 0)))
