@@ -17,7 +17,7 @@ from manifold_mpc_ros.mpc.build import load_functions
 from manifold_mpc_ros.mpc.engine import Engine, Trajectory
 from manifold_mpc_ros.mpc.scaling import Array, flat_parameters, scaling_of
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
-from manifold_mpc_ros.mpc.sweep import Structure
+from manifold_mpc_ros.mpc.structure import Structure
 from manifold_mpc_ros.mpc.terminal import TerminalDesign, design_terminal
 
 # Barrier parameter of a warm start.

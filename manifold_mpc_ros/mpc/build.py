@@ -23,7 +23,7 @@ import casadi as ca
 
 from manifold_mpc_ros.errors import ConfigurationError, SolverBuildError
 from manifold_mpc_ros.mpc import guess, sqp
-from manifold_mpc_ros.mpc.sweep import Structure
+from manifold_mpc_ros.mpc.structure import Structure
 
 FUNCTIONS = ('initial_node', 'start', 'iterate', 'stage_cost')
 BACKENDS = ('auto', 'c', 'vm')

@@ -13,7 +13,7 @@ import numpy as np
 from manifold_mpc_ros.mpc import sqp
 from manifold_mpc_ros.mpc.scaling import Array
 from manifold_mpc_ros.mpc.sqp import Progress
-from manifold_mpc_ros.mpc.sweep import RATE_PENALTY, TERMINAL_PENALTY, Structure
+from manifold_mpc_ros.mpc.structure import RATE_PENALTY, TERMINAL_PENALTY, Structure
 
 
 class _Call:

@@ -14,8 +14,9 @@ import casadi as ca
 
 from manifold_mpc_ros.dynamics.symbolic import cayley_step, solve_3x3
 from manifold_mpc_ros.mpc import stage
+from manifold_mpc_ros.mpc.forward import predict
 from manifold_mpc_ros.mpc.scaling import PARAMETERS, Parameters, unpack
-from manifold_mpc_ros.mpc.sweep import RATE_PENALTY, TERMINAL_PENALTY, Structure, predict
+from manifold_mpc_ros.mpc.structure import RATE_PENALTY, TERMINAL_PENALTY, Structure
 
 # Fractions of the limits that a starting trajectory uses.
 _TORQUE_FRACTION = 0.9

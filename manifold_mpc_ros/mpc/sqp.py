@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from manifold_mpc_ros.mpc import guess, stage, sweep
+from manifold_mpc_ros.mpc import backward, forward, guess, stage
 from manifold_mpc_ros.mpc.scaling import PARAMETERS
-from manifold_mpc_ros.mpc.sweep import STEP_RESIDUAL, Structure
+from manifold_mpc_ros.mpc.structure import Structure
 
 # Stop when stationarity and complementarity are below this (dimensionless).
 TOLERANCE = 1e-8
@@ -107,7 +107,7 @@ def start_function(structure: Structure) -> ca.Function:
         chosen.append(torque)
         duals.append(dual)
     terminal, sums = guess.start_terminal(structure)(node, mu, flat, sums)
-    flag = ca.if_else(sums[2] < STEP_RESIDUAL, RUNNING, STALLED)
+    flag = ca.if_else(sums[2] < forward.STEP_RESIDUAL, RUNNING, STALLED)
     progress = ca.vertcat(mu, 1, sums[0], sums[1], ca.inf, ca.inf, ca.inf, 0, flag, 1)
     state = State(ca.horzcat(*nodes), ca.horzcat(*steps), ca.horzcat(*chosen),
                   ca.horzcat(*duals), terminal, progress)
@@ -121,8 +121,8 @@ def _backward(structure: Structure, z: State, exact: ca.MX, flat: ca.MX
     mu = z.progress[0]
     nodes, duals = _columns(z.nodes, n + 1), _columns(z.duals, n)
     steps, torques = _columns(z.steps, n), _columns(z.torques, n)
-    stage_model = sweep.backward_stage(structure)
-    v_xx, v_x, adjoint, residuals = sweep.backward_terminal(structure)(
+    stage_model = backward.backward_stage(structure)
+    v_xx, v_x, adjoint, residuals = backward.backward_terminal(structure)(
         nodes[n], z.terminal, mu, exact, flat)
     gains: list[ca.MX] = []
     models: list[ca.MX] = []
@@ -142,7 +142,7 @@ def _forward(structure: Structure, z: State, gains: list[ca.MX], models: list[ca
     mu, alpha = z.progress[0], z.progress[1]
     nodes, duals = _columns(z.nodes, n + 1), _columns(z.duals, n)
     steps, torques = _columns(z.steps, n), _columns(z.torques, n)
-    advance = sweep.forward_stage(structure)
+    advance = forward.forward_stage(structure)
     node, linear, sums = nodes[0], ca.MX.zeros(stage.TANGENT), ca.MX.zeros(3)
     columns: tuple[list[ca.MX], ...] = ([node], [], [], [])
     for k in range(n):
@@ -151,7 +151,7 @@ def _forward(structure: Structure, z: State, gains: list[ca.MX], models: list[ca
             models[k], linear, alpha, sums)
         for column, value in zip(columns, (node, step, torque, dual)):
             column.append(value)
-    terminal, sums = sweep.forward_terminal(structure)(
+    terminal, sums = forward.forward_terminal(structure)(
         nodes[n], node, z.terminal, linear, alpha, mu, sums, flat)
     return [*(ca.horzcat(*column) for column in columns), terminal], sums
 
@@ -178,7 +178,7 @@ def pass_function(structure: Structure) -> ca.Function:
     merit = sums[0] - old.mu * sums[1]
     noise = _COST_NOISE * ca.fabs(old.cost) + _BARRIER_NOISE * ca.fabs(old.mu * old.logs)
     bound = merit_old - _ARMIJO * old.alpha * residuals[2] + noise
-    descends = ca.logic_and(merit <= bound, sums[2] < STEP_RESIDUAL)
+    descends = ca.logic_and(merit <= bound, sums[2] < forward.STEP_RESIDUAL)
     accept = ca.logic_and(descends, ca.logic_not(ca.logic_or(indefinite, converged)))
     exhausted = ca.logic_and(ca.logic_not(accept), old.alpha < _SMALLEST_STEP)
     give_up_exact = ca.logic_or(indefinite, exhausted)
