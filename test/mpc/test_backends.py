@@ -1,0 +1,172 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled code and the virtual machine give the same bits; the cache survives what happens."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cases import CERTIFIED, LIMITED, REFERENCE, configuration, rest_states
+from reference import closed_loop
+
+from manifold_mpc_ros.errors import ConfigurationError, SolverBuildError
+from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
+
+Make = Callable[..., AttitudeMpc]
+
+COMPILER = shutil.which(os.environ.get('CC', 'cc'))
+needs_compiler = pytest.mark.skipif(COMPILER is None, reason='there is no C compiler')
+# The smallest structure, for tests that compile.
+SMALL: dict[str, Any] = {**REFERENCE, 'horizon': 1}
+# A process of its own: prints its backend and the bits of a plan.
+PROGRAM = """
+import sys
+import numpy as np
+from cases import configuration
+from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
+config = configuration(terminal_constraint=False, horizon=1)
+mpc = AttitudeMpc(config, backend=sys.argv[1], cache_dir=sys.argv[2])
+plan = mpc.solve(so3.exp(np.array([0.3, -0.2, 2.0])), np.array([0.1, 0.2, -0.1]))
+print(mpc.backend, plan.torques_B_n_m.tobytes().hex(), np.float64(plan.cost).tobytes().hex())
+"""
+
+
+def start(backend: str, cache: Path, **environment: str) -> subprocess.Popen[str]:
+    """Start a process that solves once with a cache directory."""
+    path = os.pathsep.join(filter(None, sys.path))
+    return subprocess.Popen(
+        [sys.executable, '-c', PROGRAM, backend, str(cache)], text=True,
+        env={**os.environ, 'PYTHONPATH': path, **environment},
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
+def answer(process: subprocess.Popen[str]) -> list[str]:
+    """Return the words that a process printed."""
+    output, errors = process.communicate(timeout=240)
+    assert process.returncode == 0, errors
+    return output.split()
+
+
+@pytest.fixture(scope='module')
+def shared_start(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[list[str]]]:
+    """Start three processes at once on one empty cache; return it and what they answered."""
+    cache = tmp_path_factory.mktemp('shared') / 'not' / 'yet' / 'there'
+    return cache, [answer(process) for process in [start('c', cache) for _ in range(3)]]
+
+
+@needs_compiler
+@pytest.mark.parametrize('kind', ['free', 'limited', 'certified'])
+def test_compiled_and_interpreted_loops_have_the_same_bits(controller: Make, kind: str) -> None:
+    """A closed loop from a half turn, whose every tick depends on all bits before it."""
+    changes = {'free': REFERENCE, 'limited': LIMITED, 'certified': CERTIFIED}[kind]
+    state = rest_states(1)[-1]
+    loops = [closed_loop(controller(**changes, backend=backend), *state, 20)
+             for backend in ('c', 'vm')]
+    for compiled, interpreted in zip(*loops, strict=True):
+        for name in ('torques_B_n_m', 'R_NB', 'omega_BN_B', 'cost', 'kkt_residual', 'iterations'):
+            one, other = getattr(compiled.plan, name), getattr(interpreted.plan, name)
+            assert np.array_equal(one, other), name
+
+
+def test_the_backend_is_named(controller: Make) -> None:
+    assert controller(**SMALL, backend='vm').backend == 'vm'
+    assert controller(**REFERENCE).backend == ('vm' if COMPILER is None else 'c')
+    with pytest.raises(ConfigurationError, match="backend: 'fortran' is not valid; expected one"):
+        AttitudeMpc(configuration(**SMALL), backend='fortran')
+
+
+@needs_compiler
+def test_concurrent_first_starts_agree(shared_start: tuple[Path, list[list[str]]]) -> None:
+    cache, answers = shared_start
+    assert [words[0] for words in answers] == ['c', 'c', 'c']
+    assert answers[0] == answers[1] == answers[2]
+    assert [path.suffix for path in cache.iterdir()] == ['.so']
+
+
+@needs_compiler
+def test_a_second_start_compiles_nothing(shared_start: tuple[Path, list[list[str]]]) -> None:
+    """Not even where the first start's compiler has nothing to compile with any more."""
+    cache, answers = shared_start
+    library, = cache.iterdir()
+    before = library.stat()
+    assert answer(start('c', cache, TMPDIR=str(cache / 'none'))) == answers[0]
+    assert library.stat() == before
+
+
+@needs_compiler
+def test_the_virtual_machine_gives_the_bits_of_the_compiled_code(
+        shared_start: tuple[Path, list[list[str]]]) -> None:
+    cache, answers = shared_start
+    assert answer(start('vm', cache)) == ['vm', *answers[0][1:]]
+
+
+@needs_compiler
+@pytest.mark.parametrize('part', [0.0, 0.5])
+def test_a_truncated_library_is_rebuilt(
+        shared_start: tuple[Path, list[list[str]]], tmp_path: Path, part: float) -> None:
+    cache, answers = shared_start
+    library, = cache.iterdir()
+    whole = library.read_bytes()
+    damaged = tmp_path / library.name
+    damaged.write_bytes(whole[:int(part * len(whole))])
+    assert answer(start('c', tmp_path)) == answers[0]
+    assert damaged.stat().st_size == len(whole)
+    assert [path.name for path in tmp_path.iterdir()] == [library.name]
+
+
+NO_COMPILER = {'no_such_compiler': 'no-such-compiler', 'it_fails': shutil.which('false') or ''}
+
+
+@pytest.mark.parametrize('name', sorted(NO_COMPILER))
+def test_without_a_working_compiler_auto_falls_back_and_c_says_why(
+        monkeypatch: pytest.MonkeyPatch, tmp_path: Path, name: str) -> None:
+    compiler = NO_COMPILER[name]
+    monkeypatch.setenv('CC', compiler)
+    with pytest.raises(SolverBuildError, match=compiler):
+        AttitudeMpc(configuration(**SMALL), backend='c', cache_dir=tmp_path)
+    assert AttitudeMpc(configuration(**SMALL), cache_dir=tmp_path).backend == 'vm'
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_with_an_empty_path_auto_falls_back_and_c_names_what_it_sought(
+        monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.delenv('CC', raising=False)
+    monkeypatch.setenv('PATH', str(tmp_path))
+    with pytest.raises(SolverBuildError, match='cc, gcc, clang'):
+        AttitudeMpc(configuration(**SMALL), backend='c', cache_dir=tmp_path)
+    assert AttitudeMpc(configuration(**SMALL), cache_dir=tmp_path).backend == 'vm'
+
+
+@needs_compiler
+def test_a_cache_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    """A file where the folder should be stands for every reason, and stops root too."""
+    taken = tmp_path / 'taken'
+    taken.write_text('not a folder', encoding='utf-8')
+    with pytest.raises(SolverBuildError, match=f'cannot write to the solver cache {taken}'):
+        AttitudeMpc(configuration(**SMALL), backend='c', cache_dir=taken)
+    assert AttitudeMpc(configuration(**SMALL), cache_dir=taken).backend == 'vm'
+
+
+def test_the_cache_can_be_chosen_from_outside(
+        monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The argument goes before $MANIFOLD_MPC_CACHE, and that before $XDG_CACHE_HOME."""
+    monkeypatch.setenv('CC', NO_COMPILER['it_fails'])
+    monkeypatch.setenv('MANIFOLD_MPC_CACHE', str(tmp_path / 'variable'))
+    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'user'))
+    used = []
+    for argument in (tmp_path / 'argument', None):
+        AttitudeMpc(configuration(**SMALL), cache_dir=argument)
+        used.append(sorted(path.name for path in tmp_path.iterdir()))
+    monkeypatch.delenv('MANIFOLD_MPC_CACHE')
+    AttitudeMpc(configuration(**SMALL))
+    assert used == [['argument'], ['argument', 'variable']]
+    assert (tmp_path / 'user' / 'manifold_mpc_ros').is_dir()
