@@ -150,6 +150,21 @@ def test_stale_future_and_repeated_stamps_are_refused(rig: Rig) -> None:
                 frozen)
 
 
+def test_time_that_goes_back_is_a_new_start(rig: Rig) -> None:
+    """As after a bag that loops, or a simulator that was started again."""
+    bench = Bench(rig, use_sim_time=True)
+    bench.until(lambda: bench.now_ns > 12 * 10**9 and bench.value('mode') == 'NOMINAL',
+                'twelve seconds', valid)
+    bench.now_ns = 10**9
+    bench.torques.clear()
+
+    def commands_of_the_new_time() -> int:
+        return sum(stamp_ns(m) < 8 * 10**9 and any(torque_of(m)) for m in bench.torques)
+
+    bench.until(lambda: commands_of_the_new_time() > 3, 'commands in the new time', valid)
+    assert bench.now_ns < 8 * 10**9
+
+
 def test_both_signs_of_a_quaternion_give_the_same_bits(rig: Rig) -> None:
     bench = Bench(rig, lockstep=True)
     # exactly 180 degrees about an axis in general position, and a tilt
