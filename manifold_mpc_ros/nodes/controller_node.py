@@ -125,7 +125,7 @@ class AttitudeControllerNode(ManagedNode):
             })
         latest_ns = self._loop.state_stamp_ns
         if latest_ns is not None and not self._config.lockstep:
-            status.values['state_age_s'] = (self._now_ns() - latest_ns) / NANOSECONDS
+            status.values['state_age_s'] = max(0, self._now_ns() - latest_ns) / NANOSECONDS
         solution = command.solution
         if solution is not None:
             status.values.update(

@@ -74,7 +74,7 @@ def _epilog(program: Program) -> str:
         '',
         f'node {program.node_name}, topics and services:',
     ]
-    lines += [f'  {name:<20} {kind:<33} {meaning}' for name, kind, meaning in program.interfaces]
+    lines += [f'  {name:<20} {kind:<37} {meaning}' for name, kind, meaning in program.interfaces]
     lines += ['', 'parameters [unit] = shipped value (* a parameter file has to give it):']
     for spec in program.parameters:
         lines += _parameter(spec)

@@ -120,4 +120,8 @@ def test_configure_fails_and_succeeds_once_the_parameter_is_right(rig: Rig) -> N
     accepted, reason = put('limits.max_rate_rad_s', [0.5, 0.5, 0.5])
     assert not accepted
     assert 'deactivate' in reason
+    for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP):
+        assert rig.transition(node, transition)
+    assert put('limits.max_rate_rad_s', [0.5, 0.5, 0.5]) == (True, '')
+    rig.activate(node)
     assert process.running
