@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """CasADi form of the LGVI step and its derivative, for prediction inside the optimiser.
 
-Same formulas as :mod:`manifold_mpc_ros.dynamics.lgvi`, written on the unit quaternion and
-differentiated by the implicit function theorem, never through the Newton iterations.
+The implicit equation is the copy in :mod:`.scalar_form`; here it is used on the unit quaternion
+and differentiated by the implicit function theorem, never through the Newton iterations.
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from manifold_mpc_ros.dynamics import scalar_form
+from manifold_mpc_ros.dynamics.scalar_form import Matrix, Vector
 from manifold_mpc_ros.lie.symbolic import (
     cayley_quaternion,
     hat,
@@ -44,21 +46,31 @@ def _newton_matrix(c: ca.SX, m: ca.SX, inertia: ca.SX) -> ca.SX:
     return 2 * inertia - hat(m) - ca.dot(c, m) * ca.SX.eye(3) - c @ m.T
 
 
+def _vector(v: ca.SX) -> Vector:
+    """Split a vector for :mod:`.scalar_form`, which the numpy step uses too."""
+    return v[0], v[1], v[2]
+
+
+def _matrix(a: ca.SX) -> Matrix:
+    """Split a matrix into its rows, likewise."""
+    return _vector(a[0, :]), _vector(a[1, :]), _vector(a[2, :])
+
+
 def cayley_step(m: ca.SX, inertia: ca.SX, inertia_inverse: ca.SX) -> ca.SX:
     """Map m = h Pi (3,) to the Cayley parameter c of the step rotation.
 
     Newton on ``m + m x c + (c.m) c - 2 J c = 0`` from ``c = J^-1 m / 2``.
     """
-    c = inertia_inverse @ m / 2
+    c = _vector(inertia_inverse @ m / 2)
     for _ in range(NEWTON_STEPS):
-        residual = m + ca.cross(m, c) + ca.dot(c, m) * c - 2 * inertia @ c
-        c = c + solve_3x3(_newton_matrix(c, m, inertia), residual)
-    return c
+        c = scalar_form.add(c, scalar_form.newton_step(c, _vector(m), _matrix(inertia)))
+    return ca.vertcat(*c)
 
 
 def cayley_residual(c: ca.SX, m: ca.SX, inertia: ca.SX) -> ca.SX:
     """Return the infinity norm of the implicit equation's residual at (c, m)."""
-    return ca.norm_inf(m + ca.cross(m, c) + ca.dot(c, m) * c - 2 * inertia @ c)
+    return ca.norm_inf(ca.vertcat(
+        *scalar_form.cayley_residual(_vector(c), _vector(m), _matrix(inertia))))
 
 
 class StepDerivative(NamedTuple):

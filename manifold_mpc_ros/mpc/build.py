@@ -130,7 +130,8 @@ def _key(structure: Structure) -> str:
     """Return the hash that names the compiled library of a structure on this machine."""
     digest = hashlib.sha256()
     package = Path(__file__).resolve().parent.parent
-    for source in sorted([*package.glob('mpc/*.py'), *package.glob('*/symbolic.py')]):
+    for source in sorted([*package.glob('mpc/*.py'), *package.glob('*/symbolic.py'),
+                          package / 'dynamics' / 'scalar_form.py']):
         digest.update(source.read_bytes())
     compiler = Path(_compiler()).resolve()
     facts = (structure, ca.CasadiMeta.version(), _FLAGS, compiler, compiler.stat().st_mtime_ns,
