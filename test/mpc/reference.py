@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from manifold_mpc_ros.config import AttitudeMpcConfig
-from manifold_mpc_ros.dynamics.lgvi import lgvi_step, step_rotation
+from manifold_mpc_ros.dynamics.lgvi import legendre, lgvi_step, step_rotation
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution
@@ -36,27 +36,40 @@ def roll_out(config: AttitudeMpcConfig, R: Array, omega: Array, torques: Array
     return np.array(attitudes), np.array(rates)
 
 
-def stage_cost(config: AttitudeMpcConfig, g: Array, omega: Array, tau: Array) -> float:
-    """Return ``tr(Qg (I - g)) + tr(Qf (I - f)) / h^2 + tr(u^T R u) / 2``, u = tau^x."""
+def trace_cost(weight: Array, rotation: Array) -> Array:
+    """Return ``tr(Q (I - R))`` (...) of rotations (..., 3, 3)."""
+    return np.trace(weight @ (np.eye(3) - rotation), axis1=-2, axis2=-1)
+
+
+def stage_cost(config: AttitudeMpcConfig, g: Array, omega: Array, tau: Array) -> Array:
+    """Return ``tr(Qg (I - g)) + tr(Qf (I - f)) / h^2 + tr(u^T R u) / 2`` (...), u = tau^x."""
     h, u = config.step_s, so3.hat(tau)
     f = step_rotation(omega, config.inertia_kg_m2, h)
-    return float(np.trace(config.attitude_weight @ (np.eye(3) - g))
-                 + np.trace(config.rate_weight @ (np.eye(3) - f)) / h**2
-                 + np.trace(u.T @ config.torque_weight @ u) / 2)
+    squared = np.swapaxes(u, -1, -2) @ config.torque_weight @ u
+    return (trace_cost(config.attitude_weight, g) + trace_cost(config.rate_weight, f) / h**2
+            + np.trace(squared, axis1=-2, axis2=-1) / 2)
 
 
 def chart(config: AttitudeMpcConfig, g: Array, omega: Array) -> Array:
-    """Return ``xi = (Log g, Log f / h)`` (6,)."""
+    """Return ``xi = (Log g, Log f / h)`` (..., 6)."""
     f = step_rotation(omega, config.inertia_kg_m2, config.step_s)
-    return np.concatenate([so3.log(g), so3.log(f) / config.step_s])
+    return np.concatenate([so3.log(g), so3.log(f) / config.step_s], axis=-1)
+
+
+def chart_state(config: AttitudeMpcConfig, xi: Array) -> tuple[Array, Array]:
+    """Return the attitudes (..., 3, 3) and rates (..., 3) of chart coordinates xi (..., 6)."""
+    h, J = config.step_s, config.inertia_kg_m2
+    c = so3.cayley_inverse(so3.exp(h * xi[..., 3:]))
+    momentum = legendre(c, J) / h
+    return so3.exp(xi[..., :3]), np.linalg.solve(J, momentum[..., None])[..., 0]
 
 
 def plan_cost(config: AttitudeMpcConfig, P: Array, g: Array, omega: Array, torques: Array
               ) -> float:
     """Return the cost of errors g (N + 1, 3, 3), rates (N + 1, 3) and torques (N, 3)."""
-    stages = sum(stage_cost(config, *row) for row in zip(g[:-1], omega[:-1], torques))
+    stages = stage_cost(config, g[:-1], omega[:-1], torques)
     xi = chart(config, g[-1], omega[-1])
-    return float(stages + xi @ P @ xi / 2)
+    return float(stages.sum() + xi @ P @ xi / 2)
 
 
 class Tick(NamedTuple):
@@ -74,6 +87,7 @@ def closed_loop(mpc: AttitudeMpc, R: Array, omega: Array, ticks: int) -> list[Ti
     log = []
     for _ in range(ticks):
         plan = mpc.solve(R, omega)
-        log.append(Tick(R, omega, plan, stage_cost(mpc.config, R, omega, plan.torque_B_n_m)))
+        paid = float(stage_cost(mpc.config, R, omega, plan.torque_B_n_m))
+        log.append(Tick(R, omega, plan, paid))
         R, omega = advance(mpc.config, R, omega, plan.torque_B_n_m)
     return log
