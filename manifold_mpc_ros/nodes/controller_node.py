@@ -10,6 +10,7 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import QuaternionStamped, WrenchStamped
 from nav_msgs.msg import Odometry, Path
+from rclpy.duration import Duration
 from sensor_msgs.msg import Imu
 
 from manifold_mpc_ros.config_controller import ControllerConfig
@@ -35,6 +36,8 @@ from manifold_mpc_ros.nodes.tick import Command, ControlLoop, Mode
 
 #: Zero commands at the end of activity: one may be lost, three in a row hardly.
 FINAL_ZEROS = 3
+#: Longest wait for reliable readers to have them [s].
+LONGEST_ACK_S = 0.2
 
 _LEVELS = {
     Mode.NOMINAL: DiagnosticStatus.OK,
@@ -98,6 +101,7 @@ class AttitudeControllerNode(ManagedNode):
         zero = messages.to_torque(stamp_ns, np.zeros(3), self._config.body_frame_id)
         for _ in range(FINAL_ZEROS):
             self._torque.publish(zero)
+        self._torque.wait_for_all_acked(Duration(seconds=LONGEST_ACK_S))
 
     def reset(self) -> None:
         """Forget states, setpoint and warm start."""

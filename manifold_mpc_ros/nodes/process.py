@@ -11,6 +11,7 @@ from __future__ import annotations
 import importlib
 import signal
 import sys
+import time
 from collections.abc import Callable, Sequence
 from types import FrameType
 from typing import TYPE_CHECKING
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 
 #: Longest wait in the executor; a signal is seen within it [s].
 _SPIN_S = 0.1
+#: A publisher outlives its last message by this, or readers may drop both together [s].
+_LINGER_S = 0.05
 
 
 class StopRequest:
@@ -112,6 +115,7 @@ def _live(node: ManagedNode, stop: StopRequest) -> int:
     finally:
         if node.active:
             node.trigger_deactivate()
+            time.sleep(_LINGER_S)
         executor.shutdown(timeout_sec=0)
 
 
