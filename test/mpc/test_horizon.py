@@ -1,0 +1,87 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The smallest horizon: found where it is known to be, and confirmed by IPOPT."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cases import LIMITS, configuration
+from oracle import Oracle
+from oracle_starts import best
+from strategies import generator, half_turns
+
+from manifold_mpc_ros.errors import DesignError
+from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
+from manifold_mpc_ros.mpc.horizon import HorizonReport, rest_attitudes, smallest_horizon
+from manifold_mpc_ros.mpc.solution import SolveStatus
+from manifold_mpc_ros.mpc.terminal import design_terminal
+
+# Strong torques and a soft law: three steps are enough, and few solvers have to be built.
+QUICK: dict[str, Any] = {
+    'forcing': 'symmetric', 'max_torque_n_m': 0.8, 'torque_weight': 20 * np.eye(3)}
+
+
+@pytest.fixture(scope='module')
+def found(cache_dir: Path) -> tuple[HorizonReport, list[str]]:
+    """Return the report on QUICK, whose own horizon does not matter, and its progress."""
+    lines: list[str] = []
+    config = configuration(**QUICK, terminal_constraint=False, horizon=77)
+    return smallest_horizon(config, cache_dir=cache_dir, progress=lines.append), lines
+
+
+def test_attitudes_cover_half_turns_about_the_axes() -> None:
+    attitudes = rest_attitudes()
+    angles = np.degrees(np.linalg.norm(attitudes, axis=1))
+    assert {round(angle) for angle in angles} == {90, 120, 150, 180}
+    turns = attitudes[angles > 179.9] / np.pi
+    assert len(turns) >= 30
+    for axis in np.eye(3):
+        assert np.abs(turns - axis).max(axis=1).min() < 1e-12
+    # No direction is further than 30 degrees from an axis that was tried.
+    drawn = generator('directions').standard_normal((2000, 3))
+    drawn /= np.linalg.norm(drawn, axis=1, keepdims=True)
+    assert np.abs(drawn @ turns.T).max(axis=1).min() > np.cos(np.radians(30.0))
+
+
+def test_the_report_says_what_was_tried(found: tuple[HorizonReport, list[str]]) -> None:
+    report, lines = found
+    assert report.smallest == 3
+    assert report.attitudes == len(rest_attitudes())
+    assert sorted(report.tried) == [2, 3, 4]
+    assert report.tried[3] == report.tried[4] == report.attitudes
+    assert report.tried[2] < report.attitudes
+    assert [line.partition(':')[0] for line in lines] == ['N = 4', 'N = 2', 'N = 3']
+
+
+def test_the_hardest_attitude_needs_it(found: tuple[HorizonReport, list[str]]) -> None:
+    """IPOPT finds a plan from there with this many steps, and none with one less."""
+    R, feasible = so3.exp(found[0].hardest), {}
+    for horizon in (found[0].smallest - 1, found[0].smallest):
+        config = configuration(**QUICK, horizon=horizon)
+        terminal = design_terminal(config)
+        oracle = Oracle(config, terminal.P, terminal.c)
+        cost = best(oracle, R, np.zeros(3), generator('hardest'), octants=2, randoms=0).cost
+        feasible[horizon] = bool(np.isfinite(cost))
+    assert list(feasible.values()) == [False, True]
+
+
+def test_a_horizon_that_cannot_suffice_is_a_design_error(cache_dir: Path) -> None:
+    with pytest.raises(DesignError, match='horizon 2 is not enough'):
+        smallest_horizon(configuration(**QUICK), largest=2, cache_dir=cache_dir)
+
+
+def test_ten_steps_are_the_fewest_with_the_reference_limits(
+        controller: Callable[..., AttitudeMpc]) -> None:
+    """J = diag(1, 0.9, 0.6), h = 0.5, 0.3 N m, 0.6 rad/s: the half turn about x needs ten."""
+    statuses = {}
+    for horizon in (9, 10):
+        mpc = controller(**LIMITS, forcing='symmetric', horizon=horizon, backend='vm')
+        plan = mpc.solve(half_turns(np.array([1.0, 0.0, 0.0])), np.zeros(3))
+        statuses[horizon] = plan.status
+    assert statuses == {9: SolveStatus.INFEASIBLE, 10: SolveStatus.CONVERGED}
