@@ -29,8 +29,8 @@ __all__ = ['AttitudeMpcConfig', 'SimulatorConfig', 'MAX_STEP_ANGLE_RAD']
 
 FORCINGS = ('symmetric', 'paper')
 
-#: Largest rotation in one step that the rate limits may allow [rad]. At pi/2 the symmetric part
-#: of ``f J_d`` can stop being positive definite, and the step leaves its principal branch.
+#: Largest rotation in one step that the rate limits may allow [rad]. The principal branch of the
+#: implicit step ends at pi/2 (docs/theory.md, section 2).
 MAX_STEP_ANGLE_RAD = 1.5
 
 

@@ -47,7 +47,7 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
         'mpc.step_s', 'float', 0.5, 'step of prediction, and period of the torque command',
         unit='s', low=0.0, high=3600.0, required=True, read_only=True),
     ParameterSpec(
-        'mpc.horizon', 'int', 30, 'number of predicted steps', unit='steps', low=1, high=1000,
+        'mpc.horizon', 'int', 20, 'number of predicted steps', unit='steps', low=1, high=1000,
         required=True, read_only=True),
     _weight('attitude_weight', [1.0, 1.0, 1.0], 'Qg of tr(Qg (I - g))', '1'),
     _weight('rate_weight', [0.25, 0.35, 0.65], 'Qf of tr(Qf (I - f)) / h^2', 's^2'),

@@ -87,5 +87,5 @@ def test_the_horizon_is_compared_with_the_configured_one(
     assert word in out
     assert '180 deg about (0, 1, 0)' in out
     horizon = json.loads((tmp_path / 'design.json').read_text(encoding='utf-8'))['horizon']
-    assert (horizon['smallest'], horizon['configured']) == (smallest, 30)
+    assert (horizon['smallest'], horizon['configured']) == (smallest, 20)
     assert horizon['tried'] == {'4': 0, str(smallest): 132}

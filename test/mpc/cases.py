@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from strategies import generator, half_turns, unit_vectors
+from strategies import INERTIAS, generator, half_turns, unit_vectors
 
 from manifold_mpc_ros.config import AttitudeMpcConfig
 from manifold_mpc_ros.lie import so3
@@ -22,6 +22,17 @@ LIMITS: dict[str, Any] = {'max_torque_n_m': 0.3, 'max_rate_rad_s': 0.6}
 REFERENCE: dict[str, Any] = {'terminal_constraint': False}
 LIMITED: dict[str, Any] = {**REFERENCE, **LIMITS}
 CERTIFIED: dict[str, Any] = {**LIMITS, 'horizon': 20, 'forcing': 'symmetric'}
+# What the search is compared with the oracle on.
+PROBLEMS: dict[str, dict[str, Any]] = {
+    'free': REFERENCE,
+    'limited': LIMITED,
+    'limited_symmetric': {**LIMITED, 'forcing': 'symmetric'},
+    'terminal_set': CERTIFIED,
+    'off_diagonal': {**LIMITED, 'inertia_kg_m2': INERTIAS['off_diagonal']},
+    'unequal_torques': {**LIMITED, 'max_torque_n_m': (0.1, 0.2, 0.3)},
+    'free_axes': {**LIMITED, 'max_torque_n_m': (0.3, 0.2, np.inf),
+                  'max_rate_rad_s': (0.5, np.inf, 0.6)},
+}
 
 
 def configuration(**changes: Any) -> AttitudeMpcConfig:

@@ -8,15 +8,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pytest
-from cases import CERTIFIED, LIMITED, REFERENCE, cold, random_states, rest_states
+from cases import LIMITED, PROBLEMS, REFERENCE, cold, random_states, rest_states
 from numpy.typing import NDArray
 from oracle import Oracle, steps_of
 from oracle_starts import best
-from strategies import INERTIAS, generator, half_turns
+from strategies import generator, half_turns
 
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.solution import SolveStatus
@@ -119,18 +119,8 @@ def test_random_states_with_limits(controller: Make) -> None:
     assert_global(compare(controller(**LIMITED), states, octants=4, randoms=1))
 
 
-OTHER: dict[str, dict[str, Any]] = {
-    'symmetric_forcing': {**LIMITED, 'forcing': 'symmetric'},
-    'terminal_set': CERTIFIED,
-    'off_diagonal': {**LIMITED, 'inertia_kg_m2': INERTIAS['off_diagonal']},
-    'unequal_torques': {**LIMITED, 'max_torque_n_m': (0.1, 0.2, 0.3)},
-    'free_axes': {**LIMITED, 'max_torque_n_m': (0.3, 0.2, np.inf),
-                  'max_rate_rad_s': (0.5, np.inf, 0.6)},
-}
-
-
-@pytest.mark.parametrize('kind', sorted(OTHER))
+@pytest.mark.parametrize('kind', sorted(set(PROBLEMS) - {'free', 'limited'}))
 def test_other_problems(controller: Make, kind: str) -> None:
     """Instances that are feasible, half of them half turns at rest."""
     states = [*rest_states(3), *random_states('global, other', 6, 0.25)]
-    assert_global(compare(controller(**OTHER[kind]), states, octants=8, randoms=1))
+    assert_global(compare(controller(**PROBLEMS[kind]), states, octants=8, randoms=1))
