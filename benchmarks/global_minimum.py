@@ -7,8 +7,8 @@
 The thorough form of test/mpc/test_global.py, with its problems and its oracle: half turns at rest
 and random attitudes with random rates, from every octant of first torque, both ways round and
 from random torques. A plan is worse when its cost is above IPOPT's best by more than 1e-6, and
-unconfirmed when IPOPT, started from it, ends at another cost. Exit status 1 when there is either, or when a plan is called infeasible where
-IPOPT finds one.
+unconfirmed when IPOPT, started from it, ends at another cost. Exit status 1 when there is
+either, or when a plan is called infeasible where IPOPT finds one.
 """
 
 from __future__ import annotations
