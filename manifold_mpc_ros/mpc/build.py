@@ -5,12 +5,12 @@
 The compiled library depends on the problem's structure only (horizon, forcing, which
 inequalities exist); numbers are run-time parameters. Its file name is a hash of the structure,
 of the sources that generate it, of CasADi, of the compiler and of the processor, and it appears
-in the cache by an atomic rename: concurrent starts can at worst compile the same thing twice.
+in the cache by an atomic rename: concurrent starts can at worst compile the same thing twice. A
+checksum ends the file, because loading a truncated library would end the process.
 """
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import os
 import platform
@@ -31,6 +31,7 @@ BACKENDS = ('auto', 'c', 'vm')
 # same sequence of roundings (test_backends.py compares them bit by bit).
 _FLAGS = ('-O2', '-march=native', '-ffp-contract=off', '-fPIC', '-shared')
 _COMPILE_TIMEOUT_S = 300
+_CHECKSUM = hashlib.sha256().digest_size
 
 
 def build_functions(structure: Structure) -> list[ca.Function]:
@@ -67,15 +68,22 @@ def load_functions(structure: Structure, backend: str, cache_dir: str | Path | N
 def _load_compiled(structure: Structure, cache: Path) -> list[ca.Function]:
     """Return the compiled functions, from the cache or freshly compiled."""
     library = cache / f'solver_{_key(structure)}.so'
-    if library.exists():
-        # A file damaged from outside is replaced, once.
-        with contextlib.suppress(SolverBuildError):
-            return _open(library)
-    _compile(structure, library)
+    if not _is_intact(library):
+        _compile(structure, library)
     return _open(library)
 
 
+def _is_intact(library: Path) -> bool:
+    """Return whether a library is there and ends with the checksum of the rest."""
+    try:
+        content = library.read_bytes()
+    except OSError:
+        return False
+    return hashlib.sha256(content[:-_CHECKSUM]).digest() == content[-_CHECKSUM:]
+
+
 def _open(library: Path) -> list[ca.Function]:
+    """Return the functions of an intact library."""
     try:
         return [ca.external(name, str(library)) for name in FUNCTIONS]
     except RuntimeError as error:
@@ -100,6 +108,9 @@ def _compile(structure: Structure, library: Path) -> None:
         if result.returncode != 0:
             lines = result.stderr.strip().splitlines() or ['no message']
             raise SolverBuildError(f'{compiler} failed on the generated solver: {lines[0]}')
+        with built.open('r+b') as file:
+            checksum = hashlib.sha256(file.read()).digest()
+            file.write(checksum)
         os.replace(built, library)
 
 

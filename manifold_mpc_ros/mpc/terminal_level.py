@@ -158,9 +158,10 @@ def largest_level(config: AttitudeMpcConfig, p: Array, k: Array) -> LevelReport:
 
 def _first_level(violation: Callable[[Array], Array], directions: Array, roots: Array,
                  top: float) -> float:
-    """Return the smallest level up to ``top`` where ``violation(xi) > 0``, or just inf.
+    """Return the smallest level up to ``top`` where ``violation(xi) > 0``, or inf.
 
-    Scans radii along the directions, then moves the worst directions downhill.
+    Scans radii along the directions, then moves the worst directions downhill. A violation at
+    the smallest radius counts as one at the origin: 0.
     """
     radii = np.sqrt(top) * np.linspace(1e-3, 1.0, _RADII)
     first = np.full(len(directions), np.inf)
@@ -170,6 +171,8 @@ def _first_level(violation: Callable[[Array], Array], directions: Array, roots: 
     best = float(first[order[0]])
     if not np.isfinite(best):
         return float('inf')
+    if best <= radii[0]:
+        return 0.0
 
     def radius_at(free: Array) -> float:
         unit = roots @ (free / np.linalg.norm(free))
@@ -179,7 +182,7 @@ def _first_level(violation: Callable[[Array], Array], directions: Array, roots: 
             return float(radii[-1] * (1 - values[-1]))
         at = int(broken[0])
         if at == 0:
-            return float(radii[0])
+            return 0.0
         low, high = values[at - 1], values[at]
         return float(radii[at - 1] + (radii[at] - radii[at - 1]) * low / (low - high))
 
