@@ -18,6 +18,7 @@ from oracle import Oracle, steps_of
 from oracle_starts import best
 from strategies import generator, half_turns
 
+from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.solution import SolveStatus
 
@@ -116,11 +117,38 @@ def test_random_states_without_limits(controller: Make) -> None:
 
 def test_random_states_with_limits(controller: Make) -> None:
     states = random_states('global, limited', 100, 0.5)
-    assert_global(compare(controller(**LIMITED), states, octants=4, randoms=1))
+    assert_global(compare(controller(**LIMITED), states, octants=3, randoms=0))
+
+
+def state(phi: list[float], omega: list[float]) -> tuple[Array, Array]:
+    """Return the attitude of a rotation vector, and a rate."""
+    return so3.exp(np.array(phi)), np.array(omega)
+
+
+# A problem, a state, and the best cost that IPOPT has found from 18 starts.
+PATIENT: dict[str, tuple[str, tuple[Array, Array], float]] = {
+    'long_way': ('limited', state(
+        [1.75894848, 0.71608588, 2.11379501], [0.0167578, 0.39105998, 0.16924071]), 28.713861),
+    'octant': ('limited', state(
+        [-3.04603021, -0.0515779, -0.6142519], [-0.04579043, -0.32139557, -0.22837406]),
+        34.995623),
+    'half_turn': ('limited_symmetric', rest_states(24)[26], 26.169820),
+    'free_axis': ('free_axes', state(
+        [2.42894414, -0.18734782, 0.00926587], [0.35173138, -0.16730994, 0.34156634]),
+        34.815467),
+}
+
+
+@pytest.mark.parametrize('name', sorted(PATIENT))
+def test_starts_that_are_slow_to_become_the_best(controller: Make, name: str) -> None:
+    """After a dozen passes these cost three times what another start does, and they win."""
+    kind, (R, omega), cost = PATIENT[name]
+    plan = controller(**PROBLEMS[kind]).solve(R, omega)
+    assert plan.cost == pytest.approx(cost, rel=TOLERANCE)
 
 
 @pytest.mark.parametrize('kind', sorted(set(PROBLEMS) - {'free', 'limited'}))
 def test_other_problems(controller: Make, kind: str) -> None:
     """Instances that are feasible, half of them half turns at rest."""
-    states = [*rest_states(3), *random_states('global, other', 6, 0.25)]
-    assert_global(compare(controller(**PROBLEMS[kind]), states, octants=8, randoms=1))
+    states = [*rest_states(1), *random_states('global, other', 4, 0.25)]
+    assert_global(compare(controller(**PROBLEMS[kind]), states, octants=6, randoms=0))
