@@ -14,6 +14,8 @@ BIN := $(VENV)/bin
 DEPENDENCIES := $(VENV)/.dependencies-installed
 STAMP := $(VENV)/.package-installed
 
+# Files of tests go to this many processes; every test over DDS locks a domain of its own.
+TEST_WORKERS ?= 2
 PYTEST_ARGS ?=
 DEMO_ARGS ?=
 FIGURES_ARGS ?=
@@ -47,7 +49,7 @@ types: $(STAMP)  ## Run mypy
 	@$(BIN)/mypy
 
 pytest: $(STAMP)  ## Run the tests alone
-	@$(BIN)/python -m pytest --timeout=300 $(PYTEST_ARGS)
+	@$(BIN)/python -m pytest --timeout=300 -n $(TEST_WORKERS) --dist loadfile $(PYTEST_ARGS)
 
 demo: $(STAMP)  ## Close the loop over DDS: a 180 degree slew with two processes
 	@$(BIN)/manifold-mpc demo $(DEMO_ARGS)

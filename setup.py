@@ -42,6 +42,7 @@ TEST = [
     'mypy',
     'pytest<9',
     'pytest-timeout',
+    'pytest-xdist',
     'ruff',
     'setuptools>=70.1,<80',
     'types-PyYAML',
