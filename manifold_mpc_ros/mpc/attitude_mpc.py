@@ -122,14 +122,15 @@ class AttitudeMpc:
         if not self._predictable(attitude, omega, target):
             self.reset()
             return self._failed(attitude, omega, time.perf_counter() - begin)
-        if so3.angle(target.T @ self._R_ND) > SETPOINT_MOVED_RAD:
+        if not np.array_equal(target, self._R_ND) and (
+                so3.angle(target.T @ self._R_ND) > SETPOINT_MOVED_RAD):
             self.reset()
         self._R_ND = target
         error = so3.attitude_error_B(target, attitude)
         quaternion = so3.quaternion_from_rotation(error)
         for engine in (self._strict, self._relaxed):
             engine.set_state(quaternion, omega * self._unit.time_s)
-        near = bool(so3.angle(error) < SEARCH_ANGLE_RAD)
+        near = abs(float(quaternion[0])) > np.cos(SEARCH_ANGLE_RAD / 2)
         plan, passes, searched = self._find_plan(near)
         if plan is None:
             self.reset()
