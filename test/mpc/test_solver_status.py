@@ -161,6 +161,20 @@ def test_a_moved_setpoint_is_searched_and_a_still_one_is_not(controller: Make) -
     assert mpc.solve(R, omega, D).searched
 
 
+def test_a_disturbance_that_breaks_the_promise_is_searched_when_far(controller: Make) -> None:
+    """Pushed back by 0.8 rad: beyond 90 degrees both ways are open again, below they are not."""
+    mpc, axis = controller(**CERTIFIED), np.array([0.0, 0.6, 0.8])
+    mpc.solve(so3.exp(2.0 * axis), REST)
+    pushed = mpc.solve(so3.exp(2.8 * axis), REST)
+    assert pushed.searched
+    fresh = cold(mpc).solve(so3.exp(2.8 * axis), REST)
+    assert np.array_equal(pushed.torques_B_n_m, fresh.torques_B_n_m)
+    cold(mpc).solve(so3.exp(0.5 * axis), REST)
+    near = mpc.solve(so3.exp(1.3 * axis), REST)
+    assert not near.searched
+    assert near.status is SolveStatus.CONVERGED
+
+
 def test_figures_of_a_solution(controller: Make) -> None:
     plan = controller(**LIMITED).solve(GOOD, REST)
     assert plan.status is SolveStatus.CONVERGED
