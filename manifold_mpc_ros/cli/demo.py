@@ -124,9 +124,9 @@ def _finish(
     if settled_s is not None and recording.state_time_s[-1] - settled_s < HOLD_S:
         settled_s = None
     console.print(report.result_table('Closed loop over DDS, two processes', [
-        ('settled at', report.settled_text(
+        ('settled after', report.settled_text(
             settled_s, arguments.attitude_tolerance, arguments.rate_tolerance)),
-        ('start to first command', f'{start_s:.1f} s of wall clock'),
+        ('start to first command', f'{start_s:.1f} s of wall clock, not counted above'),
         ('first attitude error', f'{math.degrees(error_rad[0]):.6g} deg'),
         ('final attitude error', f'{math.degrees(error_rad[-1]):.3g} deg'),
         ('final rate', f'{rate_rad_s[-1]:.3g} rad/s'),

@@ -36,14 +36,15 @@ SMALLEST_ARROW_RAD = math.radians(3.0)
 def snapshot_rows(
     time_s: np.ndarray, spacing_s: float, end_s: float | None, most: int,
 ) -> np.ndarray:
-    """Return the rows nearest to multiples of the spacing, up to the first one past ``end_s``.
+    """Return the rows nearest to multiples of the spacing, from 0 to the first past ``end_s``.
 
     The spacing doubles until no more than ``most`` rows are left.
     """
     last_s = float(time_s[-1]) if end_s is None else min(end_s + spacing_s, float(time_s[-1]))
-    while last_s - time_s[0] >= spacing_s * most:
+    first_s = max(0.0, float(time_s[0]))
+    while last_s - first_s >= spacing_s * most:
         spacing_s *= 2.0
-    wanted = np.arange(float(time_s[0]), last_s + 1e-9, spacing_s)
+    wanted = np.arange(first_s, last_s + 1e-9, spacing_s)
     nearest = np.abs(time_s[None, :] - wanted[:, None]).argmin(axis=1)
     return np.unique(nearest)
 

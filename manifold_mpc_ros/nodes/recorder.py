@@ -30,7 +30,7 @@ NODE_NAME = 'manifold_mpc_recorder'
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """What was seen: n states and m commands, times from the first state on."""
+    """What was seen: n states and m commands; time 0 is the state that is answered first."""
 
     state_time_s: FloatArray   # (n,) stamps [s]
     R_NB: FloatArray           # (n, 3, 3)
@@ -109,7 +109,8 @@ class Recorder:
 
     def recording(self) -> Recording:
         """Return everything seen so far as arrays."""
-        first_ns = self._stamps_ns[0] if self._stamps_ns else 0
+        seen_ns = self._torque_stamps_ns or self._stamps_ns
+        first_ns = seen_ns[0] if seen_ns else 0
         return Recording(
             state_time_s=_seconds(self._stamps_ns, first_ns),
             R_NB=np.array(self._attitudes).reshape(-1, 3, 3),
