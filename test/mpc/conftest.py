@@ -17,9 +17,14 @@ from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 
 @pytest.fixture(scope='session')
 def cache_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the solvers' cache: $MANIFOLD_MPC_CACHE, or a fresh one."""
+    """Return the solvers' cache: $MANIFOLD_MPC_CACHE, or a fresh one for all workers."""
     given = os.environ.get('MANIFOLD_MPC_CACHE')
-    return Path(given) if given else tmp_path_factory.mktemp('solvers')
+    if given:
+        return Path(given)
+    base = tmp_path_factory.getbasetemp()
+    fresh = (base.parent if 'PYTEST_XDIST_WORKER' in os.environ else base) / 'solvers'
+    fresh.mkdir(exist_ok=True)
+    return fresh
 
 
 @pytest.fixture(scope='session')
