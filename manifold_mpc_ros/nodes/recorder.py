@@ -109,7 +109,8 @@ class Recorder:
 
     def recording(self) -> Recording:
         """Return everything seen so far as arrays."""
-        seen_ns = self._torque_stamps_ns or self._stamps_ns
+        answers_ns = sorted(set(self._stamps_ns).intersection(self._torque_stamps_ns))
+        seen_ns = answers_ns or self._stamps_ns
         first_ns = seen_ns[0] if seen_ns else 0
         return Recording(
             state_time_s=_seconds(self._stamps_ns, first_ns),

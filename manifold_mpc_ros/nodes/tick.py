@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
@@ -12,6 +13,7 @@ import numpy as np
 
 from manifold_mpc_ros.config import AttitudeMpcConfig
 from manifold_mpc_ros.config_checks import FloatArray
+from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 from manifold_mpc_ros.nodes.gate import NANOSECONDS, StateSample
@@ -86,6 +88,7 @@ class ControlLoop:
         self._solver = solver
         limit = config.max_torque_n_m
         self._limit = np.full(3, np.inf) if limit is None else limit
+        self._inertia_kg_m2, self._step_s = config.inertia_kg_m2, config.step_s
         self._damping = config.inertia_kg_m2 / (DAMPING_STEPS * config.step_s)
         self._timeout_ns = round(timeout_s * NANOSECONDS)
         self._hold = initial_setpoint == 'hold'
@@ -97,6 +100,7 @@ class ControlLoop:
         self._sample: StateSample | None = None
         self._R_ND: FloatArray | None = None if self._hold else np.eye(3)
         self.commanded = False
+        self._torque_B_n_m = np.zeros(3)
         self._solver.reset()
 
     @property
@@ -119,6 +123,12 @@ class ControlLoop:
 
     def tick(self, now_ns: int | None) -> Command:
         """Return the command of this tick; ``now_ns`` None (lockstep) means the state is new."""
+        command = self._decide(now_ns)
+        self._torque_B_n_m = command.torque_B_n_m
+        return command
+
+    def _decide(self, now_ns: int | None) -> Command:
+        """Return the mode's command."""
         sample = self._sample
         if sample is None:
             return self._zero(now_ns or 0, Mode.WAIT, 'waiting for the first valid state')
@@ -128,12 +138,22 @@ class ControlLoop:
         if age_ns > self._timeout_ns:
             return self._zero(
                 sample.stamp_ns, Mode.COAST, f'the state is {age_ns / NANOSECONDS:.3f} s old')
-        return self._solve(sample)
+        return self._solve(sample, max(0, age_ns) / NANOSECONDS)
 
-    def _solve(self, sample: StateSample) -> Command:
+    def _at_the_tick(self, sample: StateSample, age_s: float) -> tuple[FloatArray, FloatArray]:
+        """Return attitude and rate now: the state moved on by its age under the last command."""
+        R_NB, omega_BN_B = sample.R_NB, sample.omega_BN_B
+        steps = math.ceil(age_s / self._step_s)
+        for _ in range(steps):
+            R_NB, omega_BN_B = lgvi_step(
+                R_NB, omega_BN_B, self._torque_B_n_m, inertia_kg_m2=self._inertia_kg_m2,
+                step_s=age_s / steps)
+        return R_NB, omega_BN_B
+
+    def _solve(self, sample: StateSample, age_s: float) -> Command:
         """Return the optimal torque, or one that slows the body down when there is none."""
         try:
-            solution = self._solver.solve(sample.R_NB, sample.omega_BN_B, self._R_ND)
+            solution = self._solver.solve(*self._at_the_tick(sample, age_s), self._R_ND)
         except ManifoldMpcError as error:
             return self._slow_down(sample, str(error))
         torque = np.asarray(solution.torque_B_n_m, dtype=np.float64)

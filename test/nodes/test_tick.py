@@ -37,6 +37,7 @@ class Script:
         self.error: Exception | None = None
         self.resets = 0
         self.setpoints: list[np.ndarray | None] = []
+        self.states: list[tuple[np.ndarray, np.ndarray]] = []
 
     def reset(self) -> None:
         self.resets += 1
@@ -47,6 +48,7 @@ class Script:
         if self.error is not None:
             raise self.error
         self.setpoints.append(R_ND)
+        self.states.append((R_NB, omega_BN_B))
         plan = np.tile(self.torque, (2, 1))
         return AttitudeMpcSolution(
             self.torque, plan, np.tile(R_NB, (3, 1, 1)), np.tile(omega_BN_B, (3, 1)), 1.0, 3,
@@ -82,6 +84,25 @@ def test_zero_when_the_state_is_older_than_the_timeout(age_ns: int, mode: Mode) 
     assert command.mode is mode
     assert command.torque_B_n_m.any() == (mode is Mode.NOMINAL)
     assert loop.tick(None).mode is Mode.NOMINAL  # lockstep: a state is as old as it says
+
+
+def test_the_state_is_moved_on_to_the_tick_under_the_last_command() -> None:
+    solver = Script()
+    loop = loop_with(solver, FREE)
+    loop.admit(SAMPLE)
+    first = loop.tick(SAMPLE.stamp_ns).torque_B_n_m
+    np.testing.assert_array_equal(solver.states[0][0], R_NB)
+    np.testing.assert_array_equal(solver.states[0][1], OMEGA)
+    for age_s, steps in ((0.04, 1), (0.7, 2)):
+        loop.tick(SAMPLE.stamp_ns + round(age_s * 1e9))
+        expected = R_NB, OMEGA
+        for _ in range(steps):
+            expected = lgvi_step(*expected, first, inertia_kg_m2=FREE.inertia_kg_m2,
+                                 step_s=age_s / steps)
+        np.testing.assert_allclose(solver.states[-1][0], expected[0], rtol=0, atol=1e-14)
+        np.testing.assert_allclose(solver.states[-1][1], expected[1], rtol=0, atol=1e-14)
+    loop.tick(None)
+    np.testing.assert_array_equal(solver.states[-1][0], R_NB)
 
 
 def test_commands_stay_within_the_limits() -> None:
