@@ -134,11 +134,6 @@ class Engine:
         self._start()
         return self._now
 
-    def resume(self, trajectory: Trajectory) -> Trajectory:
-        """Make a stored trajectory the current one."""
-        self._now.copy_from(trajectory)
-        return self._now
-
     def iterate(self, passes: int) -> Trajectory:
         """Run up to ``passes`` more passes (a multiple of PASSES_PER_CALL); stop when done."""
         for _ in range(0, passes, sqp.PASSES_PER_CALL):
