@@ -3,8 +3,9 @@
 """CasADi forms of the SO(3) formulas, for prediction inside the optimiser.
 
 Attitudes are unit quaternions ``(w, x, y, z)`` of ``R_NB``; ``q`` and ``-q`` give the same
-value everywhere. Divisions are made harmless before a branch is selected, so that neither
-value nor derivative is ``0/0`` (``if_else`` evaluates both sides).
+value, except that at exactly w = 0 the sign of the vector part is the side of the logarithm.
+Divisions are made harmless before a branch is selected, so that neither value nor derivative
+is ``0/0`` (``if_else`` evaluates both sides).
 """
 
 from __future__ import annotations

@@ -208,7 +208,7 @@ class AttitudeMpc:
         plan, unit = self._plan, self._unit
         torques = plan.torques * unit.torque_n_m
         violation = max(float(np.max(plan.rate_violations, initial=0.0)),
-                        plan.terminal_violation)
+                        plan.terminal_violation if self._inside else self._strict.beyond_set(plan))
         status = SolveStatus.FEASIBLE
         if violation > VIOLATION or not self._inside:
             status = SolveStatus.INFEASIBLE

@@ -14,6 +14,7 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
+import shlex
 import shutil
 import subprocess
 import tempfile
@@ -25,7 +26,7 @@ from manifold_mpc_ros.errors import ConfigurationError, SolverBuildError
 from manifold_mpc_ros.mpc import guess, sqp
 from manifold_mpc_ros.mpc.structure import Structure
 
-FUNCTIONS = ('initial_node', 'start', 'iterate', 'stage_cost')
+FUNCTIONS = ('initial_node', 'start', 'iterate', 'stage_cost', 'terminal_value')
 BACKENDS = ('auto', 'c', 'vm')
 # No contraction into fused multiply-add: compiled C and the virtual machine then execute the
 # same sequence of roundings (test_backends.py compares them bit by bit).
@@ -37,7 +38,8 @@ _CHECKSUM = hashlib.sha256().digest_size
 def build_functions(structure: Structure) -> list[ca.Function]:
     """Return the solver's functions as CasADi graphs, in the order of FUNCTIONS."""
     return [guess.initial_node(), sqp.start_function(structure),
-            sqp.iterate_function(structure, sqp.PASSES_PER_CALL), guess.stage_cost()]
+            sqp.iterate_function(structure, sqp.PASSES_PER_CALL), guess.stage_cost(),
+            guess.terminal_value()]
 
 
 def load_functions(structure: Structure, backend: str, cache_dir: str | Path | None
@@ -99,28 +101,29 @@ def _compile(structure: Structure, library: Path) -> None:
             generator.add(function)
         generator.generate(f'{folder}{os.sep}')
         built = Path(folder) / 'solver.so'
-        command = [compiler, *_FLAGS, str(Path(folder) / 'solver.c'), '-o', str(built), '-lm']
+        command = [*compiler, *_FLAGS, str(Path(folder) / 'solver.c'), '-o', str(built), '-lm']
         try:
             result = subprocess.run(command, capture_output=True, text=True, check=False,
                                     timeout=_COMPILE_TIMEOUT_S)
         except (OSError, subprocess.TimeoutExpired) as error:
-            raise SolverBuildError(f'{compiler} did not run: {error}') from error
+            raise SolverBuildError(f'{compiler[0]} did not run: {error}') from error
         if result.returncode != 0:
             lines = result.stderr.strip().splitlines() or ['no message']
-            raise SolverBuildError(f'{compiler} failed on the generated solver: {lines[0]}')
+            raise SolverBuildError(f'{compiler[0]} failed on the generated solver: {lines[0]}')
         with built.open('r+b') as file:
             checksum = hashlib.sha256(file.read()).digest()
             file.write(checksum)
         os.replace(built, library)
 
 
-def _compiler() -> str:
-    """Return the C compiler to use: $CC, else the first of cc, gcc, clang."""
+def _compiler() -> list[str]:
+    """Return the C compiler's command: $CC with its arguments, else cc, gcc or clang."""
     wanted = os.environ.get('CC')
-    for name in (wanted,) if wanted is not None else ('cc', 'gcc', 'clang'):
-        found = shutil.which(name)
+    for command in (wanted,) if wanted is not None else ('cc', 'gcc', 'clang'):
+        words = shlex.split(command)
+        found = shutil.which(words[0]) if words else None
         if found:
-            return found
+            return [found, *words[1:]]
     raise SolverBuildError(f'no C compiler found ({wanted or "cc, gcc, clang"})')
 
 
@@ -137,18 +140,27 @@ def _cache_directory(cache_dir: str | Path | None) -> Path:
         raise SolverBuildError(f'cannot write to the solver cache {path}: {error}') from error
 
 
-def _key(structure: Structure) -> str:
-    """Return the hash that names the compiled library of a structure on this machine."""
+def _hash_sources() -> str:
+    """Return the hash of the modules that generate the code."""
     digest = hashlib.sha256()
     package = Path(__file__).resolve().parent.parent
     for source in sorted([*package.glob('mpc/*.py'), *package.glob('*/symbolic.py'),
                           package / 'dynamics' / 'scalar_form.py']):
         digest.update(source.read_bytes())
-    compiler = Path(_compiler()).resolve()
-    facts = (structure, ca.CasadiMeta.version(), _FLAGS, compiler, compiler.stat().st_mtime_ns,
-             platform.machine(), _processor_flags())
-    digest.update(repr(facts).encode())
-    return digest.hexdigest()[:24]
+    return digest.hexdigest()
+
+
+# Taken when the modules are imported: sources that change later are not what runs here.
+_SOURCES = _hash_sources()
+
+
+def _key(structure: Structure) -> str:
+    """Return the hash that names the compiled library of a structure on this machine."""
+    command = _compiler()
+    compiler = Path(command[0]).resolve()
+    facts = (_SOURCES, structure, ca.CasadiMeta.version(), _FLAGS, command, compiler,
+             compiler.stat().st_mtime_ns, platform.machine(), _processor_flags())
+    return hashlib.sha256(repr(facts).encode()).hexdigest()[:24]
 
 
 def _processor_flags() -> str:

@@ -94,7 +94,7 @@ class Engine:
         self._torques, self._leans = np.zeros(3 * n), np.zeros(3 * n)
         self._follow, self._mu = np.zeros(n), np.zeros(1)
         self._cost_node, self._cost_torque = np.zeros(10), np.zeros(3)
-        self._cost = np.zeros(1)
+        self._cost, self._value = np.zeros(1), np.zeros(1)
         self._now, self._next = Trajectory(structure), Trajectory(structure)
         self._initial = _Call(functions[0], [self._q, self._omega, self._flat], [self._node])
         self._start = _Call(
@@ -104,6 +104,7 @@ class Engine:
         self._iterate = _Call(functions[2], [*self._now.arrays, self._flat], self._next.arrays)
         self._stage_cost = _Call(
             functions[3], [self._cost_node, self._cost_torque, self._flat], [self._cost])
+        self._terminal_value = _Call(functions[4], [self._cost_node, self._flat], [self._value])
 
     def set_state(self, quaternion: Array, omega: Array) -> None:
         """Set the initial node from a quaternion (w, x, y, z) and a dimensionless rate."""
@@ -149,3 +150,9 @@ class Engine:
         np.copyto(self._cost_torque, torque)
         self._stage_cost()
         return float(self._cost[0])
+
+    def beyond_set(self, trajectory: Trajectory) -> float:
+        """Return by how much ``xi^T P xi / c`` of a trajectory's last node exceeds 1, or 0."""
+        np.copyto(self._cost_node, trajectory.nodes[-1])
+        self._terminal_value()
+        return max(0.0, float(self._value[0]) - 1)

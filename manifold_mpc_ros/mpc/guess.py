@@ -156,3 +156,12 @@ def stage_cost() -> ca.Function:
     p = unpack(flat)
     cost = stage.state_cost_value(node, p) + stage.torque_cost(torque, p)
     return ca.Function('stage_cost', [node, torque, flat], [cost])
+
+
+def terminal_value() -> ca.Function:
+    """Map (node, p) to ``xi^T P xi / c``, at most 1 in the terminal set."""
+    node, flat = ca.SX.sym('node', stage.NODE), ca.SX.sym('flat', PARAMETERS)
+    p = unpack(flat)
+    xi = stage.terminal_coordinates(node)
+    form = ca.dot(xi, p.terminal_weight @ xi) / p.terminal_level
+    return ca.Function('terminal_value', [node, flat], [form])
