@@ -1,6 +1,6 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The verb ``design``: terminal cost, local law, terminal set, their certificate, smallest N."""
+"""The verb ``design``: terminal cost, local law, terminal set, its checks, smallest N."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from manifold_mpc_ros.mpc.horizon import HorizonReport
     from manifold_mpc_ros.mpc.terminal import TerminalDesign
 
-SUMMARY = 'Print the terminal set, its certificate and the smallest horizon of a controller.'
+SUMMARY = 'Print the terminal set, how it was checked and the smallest horizon of a controller.'
 EXAMPLES = """\
   manifold-mpc design
       the shipped controller
@@ -74,7 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _print_design(console: Console, design: TerminalDesign) -> None:
-    """Print matrices, level and certificate."""
+    """Print matrices, level and checks."""
     from manifold_mpc_ros.cli import report
     console.print(report.grid_table(
         'P: terminal cost F = xi^T P xi / 2, xi = (zeta, omega) = (Log g, Log f / h)',
@@ -88,7 +88,7 @@ def _print_design(console: Console, design: TerminalDesign) -> None:
         ('condition', 'first broken at', ''),
         [(CONDITIONS.get(name, name), _level(level), 'limits c' if name == limiting else '')
          for name, level in design.report.limits.items()]))
-    console.print(report.result_table('Certificate, by closed forms and by samples', [
+    console.print(report.result_table('Checks, by closed forms and by samples', [
         ('c', f'{design.c:.6g}'),
         ('limited by', CONDITIONS.get(limiting, limiting)),
         ('at rest, about any axis', f'inside up to {rest_angle_deg(design):.1f} deg at least'),
