@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ from manifold_mpc_ros.errors import ConfigurationError
 __all__ = ['AttitudeMpcConfig', 'SimulatorConfig', 'MAX_STEP_ANGLE_RAD']
 
 FORCINGS = ('symmetric', 'paper')
+TARGETS = ('attitude', 'pointing')
 
 #: Largest rotation in one step that the rate limits may allow [rad]. The principal branch of the
 #: implicit step ends at pi/2 (docs/theory.md, section 2).
@@ -59,6 +60,14 @@ class AttitudeMpcConfig:
         'symmetric' for a physical plant under zero-order hold, 'paper' for the paper's form.
     terminal_constraint
         False keeps the terminal cost and drops the terminal set.
+    target
+        'attitude' (SO(3)), or 'pointing' (S^2): one body axis to its commanded direction, roll
+        about it free. The stage cost then has ``w (1 - b . Gamma)`` in place of
+        ``tr(Qg (I - g))``, with b the axis and Gamma the commanded direction, in body axes.
+    pointing_axis_B
+        The body axis b that points (normalised) [1].
+    pointing_weight
+        w [1].
 
     Raises
     ------
@@ -78,6 +87,9 @@ class AttitudeMpcConfig:
     max_rate_rad_s: FloatArray | None = None
     forcing: str = 'symmetric'
     terminal_constraint: bool = True
+    target: str = 'attitude'
+    pointing_axis_B: FloatArray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    pointing_weight: float = 2.0
 
     def __post_init__(self) -> None:
         """Check every field, then what the fields together have to satisfy."""
@@ -99,6 +111,10 @@ class AttitudeMpcConfig:
         self._store('forcing', checks.choice('forcing', self.forcing, FORCINGS))
         self._store('terminal_constraint',
                     checks.boolean('terminal_constraint', self.terminal_constraint))
+        self._store('target', checks.choice('target', self.target, TARGETS))
+        self._store('pointing_axis_B',
+                    checks.direction('pointing_axis_B', self.pointing_axis_B))
+        self._store('pointing_weight', checks.positive('pointing_weight', self.pointing_weight))
         self._check_branch()
         self._check_existence()
 
@@ -113,7 +129,7 @@ class AttitudeMpcConfig:
     def from_parameters(cls, values: Mapping[str, Value]) -> AttitudeMpcConfig:
         """Build from the node's checked parameters; errors carry the parameters' names."""
         chosen: dict[str, Any] = by_field(
-            CONTROLLER_PARAMETERS, values, (field.name for field in fields(cls)))
+            CONTROLLER_PARAMETERS, values, (entry.name for entry in fields(cls)))
         try:
             return cls(**chosen)
         except ConfigurationError as error:
@@ -123,6 +139,13 @@ class AttitudeMpcConfig:
     def nonstandard_inertia(self) -> FloatArray:
         """``J_d = tr(J)/2 I - J`` [kg m^2], the inertia that the LGVI step is written in."""
         return np.trace(self.inertia_kg_m2) / 2.0 * np.eye(3) - self.inertia_kg_m2
+
+    @property
+    def error_weight(self) -> FloatArray:
+        """The Q of ``tr(Q (I - g))``: Qg, or ``w b b^T`` for pointing."""
+        if self.target == 'attitude':
+            return self.attitude_weight
+        return self.pointing_weight * np.outer(self.pointing_axis_B, self.pointing_axis_B)
 
     def _store(self, name: str, value: object) -> None:
         """Set a field of the frozen instance while it is being built."""

@@ -168,6 +168,15 @@ def unit_quaternion(key: str, value: object) -> FloatArray:
     return frozen(given / norm)
 
 
+def direction(key: str, value: object) -> FloatArray:
+    """Return ``value``, three numbers that are not all zero, as a unit vector."""
+    given = vector(key, value)
+    norm = float(np.linalg.norm(given))
+    if not 1e-9 < norm < 1e9:
+        raise ConfigurationError(key, value, 'a direction: 3 numbers, not all zero')
+    return frozen(given / norm)
+
+
 def frozen(values: FloatArray) -> FloatArray:
     """Return ``values`` after making them read-only."""
     values.setflags(write=False)

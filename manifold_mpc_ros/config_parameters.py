@@ -27,8 +27,8 @@ class ParameterSpec:
 
     ``required`` parameters describe the spacecraft and its tuning: a parameter file gives all of
     them. ``read_only`` ones are fixed when the node starts; the others are read at configure.
-    ``field`` names the attribute of the configuration class, empty where it is the last part of
-    the name. ``lengths`` are the valid numbers of elements of a 'floats' parameter.
+    ``name_in_config`` is the attribute of the configuration class where that is not the last
+    part of the name. ``lengths`` are the valid numbers of elements of a 'floats' parameter.
     """
 
     name: str
@@ -43,11 +43,12 @@ class ParameterSpec:
     infinite: bool = False
     required: bool = False
     read_only: bool = False
+    name_in_config: str = ''
 
     @property
     def field(self) -> str:
         """Name of the attribute that holds the value in the configuration class."""
-        return self.name.rpartition('.')[2]
+        return self.name_in_config or self.name.rpartition('.')[2]
 
     @property
     def valid(self) -> str:

@@ -69,6 +69,18 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
         '(c where there is a compiler)',
         choices=('auto', 'c', 'vm'), read_only=True),
     ParameterSpec(
+        'target', 'str', 'attitude',
+        'what to control: the attitude, or the pointing of one body axis with free roll',
+        choices=('attitude', 'pointing'), read_only=True),
+    ParameterSpec(
+        'pointing.axis_B', 'floats', [0.0, 0.0, 1.0],
+        'body axis that points (target: pointing)', unit='1', lengths=(3,), read_only=True,
+        name_in_config='pointing_axis_B'),
+    ParameterSpec(
+        'pointing.weight', 'float', 2.0,
+        'w of w (1 - cos(pointing error)) (target: pointing)', unit='1', low=0.0, high=1e12,
+        name_in_config='pointing_weight'),
+    ParameterSpec(
         'state_source', 'str', 'odometry', 'topic that brings attitude and body rate',
         choices=('odometry', 'imu'), read_only=True),
     _INERTIAL_FRAME,

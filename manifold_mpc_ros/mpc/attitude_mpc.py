@@ -136,8 +136,9 @@ class AttitudeMpc:
             self.reset()
             return self._failed(attitude, omega, time.perf_counter() - begin)
         self._plan.copy_from(plan)
-        self._promised = self._value_after_first_step()
-        return self._report(passes, searched, begin)
+        first = self._strict.stage_cost(plan.nodes[0], plan.torques[0])
+        self._promised = float(plan.progress.cost) - first
+        return self._report(passes, searched, first, begin)
 
     def _find_plan(self, near: bool) -> tuple[Trajectory | None, int, bool]:
         """Return the plan, the passes used, and whether the global search ran.
@@ -189,11 +190,6 @@ class AttitudeMpc:
         bound = self._promised + PROMISE * max(abs(self._promised), 1e-3)
         return bool(plan.progress.cost <= bound)
 
-    def _value_after_first_step(self) -> float:
-        """Return ``V - L`` (dimensionless), the bound on the value at the next tick."""
-        node, torque = self._plan.nodes[0], self._plan.torques[0]
-        return float(self._plan.progress.cost) - self._strict.stage_cost(node, torque)
-
     def _predictable(self, attitude: Array, omega: Array, target: Array) -> bool:
         """Return whether the state is finite, on SO(3), and inside the existence guard."""
         if not all(np.isfinite(value).all() for value in (attitude, omega, target)):
@@ -203,12 +199,14 @@ class AttitudeMpc:
         momentum = self.config.step_s * self.config.inertia_kg_m2 @ omega
         return bool(np.linalg.norm(momentum) < self._guard)
 
-    def _report(self, passes: int, searched: bool, begin: float) -> AttitudeMpcSolution:
-        """Return the current plan in SI units."""
+    def _report(self, passes: int, searched: bool, first: float, begin: float
+                ) -> AttitudeMpcSolution:
+        """Return the current plan, whose first stage costs ``first``, in SI units."""
         plan, unit = self._plan, self._unit
         torques = plan.torques * unit.torque_n_m
         violation = max(float(np.max(plan.rate_violations, initial=0.0)),
-                        plan.terminal_violation if self._inside else self._strict.beyond_set(plan))
+                        plan.terminal_violation if self._inside
+                        else self._strict.terminal_ratio(plan.nodes[-1]) - 1)
         status = SolveStatus.FEASIBLE
         if violation > VIOLATION or not self._inside:
             status = SolveStatus.INFEASIBLE
@@ -219,7 +217,9 @@ class AttitudeMpc:
             R_NB=self._R_ND @ so3.rotation_from_quaternion(plan.nodes[:, 0:4]),
             omega_BN_B=plan.nodes[:, 4:7] * unit.rate_rad_s, cost=plan.cost * unit.cost,
             iterations=passes, solve_time_s=time.perf_counter() - begin, status=status,
-            kkt_residual=search.residual(plan), violation=violation, searched=searched)
+            kkt_residual=search.residual(plan), violation=violation, searched=searched,
+            promised_cost=(plan.cost - first) * unit.cost,
+            terminal_ratio=self._strict.terminal_ratio(plan.nodes[0]))
 
     def _failed(self, attitude: Array, omega: Array, elapsed_s: float) -> AttitudeMpcSolution:
         """Return the zero plan for a state that cannot be predicted from."""
@@ -227,4 +227,4 @@ class AttitudeMpc:
         return AttitudeMpcSolution(
             np.zeros(3), np.zeros((n, 3)), np.tile(attitude, (n + 1, 1, 1)),
             np.tile(omega, (n + 1, 1)), float('nan'), 0, elapsed_s, SolveStatus.FAILED,
-            float('inf'), float('inf'), False)
+            float('inf'), float('inf'), False, float('nan'), float('nan'))

@@ -151,8 +151,8 @@ class Engine:
         self._stage_cost()
         return float(self._cost[0])
 
-    def beyond_set(self, trajectory: Trajectory) -> float:
-        """Return by how much ``xi^T P xi / c`` of a trajectory's last node exceeds 1, or 0."""
-        np.copyto(self._cost_node, trajectory.nodes[-1])
+    def terminal_ratio(self, node: Array) -> float:
+        """Return ``xi^T P xi / c`` of a node (10,), at most 1 inside the terminal set."""
+        np.copyto(self._cost_node, node)
         self._terminal_value()
-        return max(0.0, float(self._value[0]) - 1)
+        return float(self._value[0])

@@ -35,7 +35,9 @@ class AttitudeMpcSolution:
 
     ``cost`` is the value of the plan; ``kkt_residual`` is dimensionless; ``violation`` is the
     largest relative violation of a state limit or of the terminal set (0 when none);
-    ``searched`` says whether the global search ran.
+    ``searched`` says whether the global search ran. ``promised_cost`` is ``V - L(x0, u0)``, the
+    bound that the theory puts on the next tick's cost; ``terminal_ratio`` is ``xi^T P xi / c`` of
+    the measured state, at most 1 inside the terminal set.
     """
 
     torque_B_n_m: Array
@@ -49,3 +51,5 @@ class AttitudeMpcSolution:
     kkt_residual: float
     violation: float
     searched: bool
+    promised_cost: float
+    terminal_ratio: float

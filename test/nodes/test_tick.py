@@ -52,7 +52,7 @@ class Script:
         plan = np.tile(self.torque, (2, 1))
         return AttitudeMpcSolution(
             self.torque, plan, np.tile(R_NB, (3, 1, 1)), np.tile(omega_BN_B, (3, 1)), 1.0, 3,
-            1e-4, self.status, 0.0, 0.0, False)
+            1e-4, self.status, 0.0, 0.0, False, 0.9, 0.5)
 
 
 def loop_with(
