@@ -173,7 +173,7 @@ class Sphere:
         return ca.if_else(antipode, ca.DM([np.pi, 0]), ratio * across)
 
     def retract(self, point: ca.SX, step: ca.SX) -> ca.SX:
-        """Return ``T phi(step)`` with T the shortest rotation that takes the origin to the point."""
+        """Return ``T phi(step)``, T the shortest rotation that takes the origin to the point."""
         return _rotated(-self.basis @ self.coordinates(point), self.point(step))
 
     def distance(self, a: ca.SX, b: ca.SX) -> ca.SX:
