@@ -14,6 +14,8 @@ import casadi as ca
 
 # Below this squared half-angle sine the series is exact to double precision.
 _SMALL = 1e-8
+# A direction whose sine to the antipode of the axis is below this (squared) is at the antipode.
+_ANTIPODE = (8 * 2.0 ** -52) ** 2
 
 
 def hat(v: ca.SX) -> ca.SX:
@@ -61,6 +63,23 @@ def quaternion_log(q: ca.SX) -> ca.SX:
     ratio = squared / ca.if_else(small, w * w, 1)
     series = 2 / ca.if_else(small, w, 1) * (1 - ratio / 3 + ratio * ratio / 5)
     return ca.if_else(small, series, 2 * ca.atan2(sine, w) / sine) * v
+
+
+def direction_log(gamma: ca.SX, axis: ca.SX, across: ca.SX) -> ca.SX:
+    """Map unit vectors to the shortest rotation vector x with ``gamma = exp(-hat(x)) axis``.
+
+    ``x = angle (gamma x axis) / |gamma x axis|``: the roll-free rotation of a body whose axis
+    should meet the direction gamma. At the antipode, where every axis across will do, x is
+    ``pi across`` (``across`` a unit vector normal to the axis).
+    """
+    normal, cosine = ca.cross(gamma, axis), ca.dot(gamma, axis)
+    squared = ca.dot(normal, normal)
+    near = ca.logic_and(squared < _SMALL, cosine > 0)
+    antipode = ca.logic_and(squared <= _ANTIPODE, cosine < 0)
+    sine = ca.sqrt(ca.if_else(ca.logic_or(near, antipode), 1, squared))
+    series = 1 + squared * (1 / 6 + squared * (3 / 40))
+    ratio = ca.if_else(near, series, ca.atan2(sine, cosine) / sine)
+    return ca.if_else(antipode, ca.pi * across, ratio * normal)
 
 
 def right_jacobian_inverse(phi: ca.SX) -> ca.SX:

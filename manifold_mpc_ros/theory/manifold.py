@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from manifold_mpc_ros.lie.symbolic import quaternion_log, quaternion_product
+from manifold_mpc_ros.lie.symbolic import direction_log, quaternion_log, quaternion_product
 
 Array = NDArray[np.float64]
 
@@ -162,15 +162,8 @@ class Sphere:
 
     def coordinates(self, point: ca.SX) -> ca.SX:
         """Return ``angle E^T (point cross b) / |point cross b|``; at -b the first basis axis."""
-        across = self.basis.T @ ca.cross(point, ca.SX(self.origin))
-        cosine = ca.dot(point, self.origin)
-        squared = ca.dot(across, across)
-        near = ca.logic_and(squared < _SMALL, cosine > 0)
-        antipode = ca.logic_and(squared <= 0, cosine < 0)
-        sine = ca.sqrt(ca.if_else(ca.logic_or(near, antipode), 1, squared))
-        series = 1 + squared * (1 / 6 + squared * (3 / 40))
-        ratio = ca.if_else(near, series, ca.atan2(sine, cosine) / sine)
-        return ca.if_else(antipode, ca.DM([np.pi, 0]), ratio * across)
+        axis, across = ca.SX(self.origin), ca.SX(self.basis[:, 0])
+        return self.basis.T @ direction_log(point, axis, across)
 
     def retract(self, point: ca.SX, step: ca.SX) -> ca.SX:
         """Return ``T phi(step)``, T the shortest rotation that takes the origin to the point."""
