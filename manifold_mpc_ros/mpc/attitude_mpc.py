@@ -18,7 +18,9 @@ from manifold_mpc_ros.mpc.engine import Engine, Trajectory
 from manifold_mpc_ros.mpc.scaling import Array, flat_parameters, scaling_of
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 from manifold_mpc_ros.mpc.structure import Structure
+from manifold_mpc_ros.mpc.target import error_angle
 from manifold_mpc_ros.mpc.terminal import TerminalDesign, design_terminal
+from manifold_mpc_ros.theory.manifold import tangent_basis
 
 # Barrier parameter of a warm start.
 WARM_BARRIER = 1e-3
@@ -43,7 +45,7 @@ def structure_of(config: AttitudeMpcConfig) -> Structure:
     """Map a configuration to the structure that its solver is generated for."""
     return Structure(config.horizon, config.forcing == 'symmetric',
                      config.max_torque_n_m is not None, config.max_rate_rad_s is not None,
-                     config.terminal_constraint)
+                     config.terminal_constraint, config.target == 'pointing')
 
 
 class AttitudeMpc:
@@ -90,7 +92,8 @@ class AttitudeMpc:
         if structure.terminal_set:
             unbounded = flat_parameters(config, self.terminal.P, self.terminal.K, NO_LEVEL)
             self._relaxed = Engine(structure, functions, unbounded)
-        self._pool = [Trajectory(structure) for _ in search.starts(structure.torque_box)]
+        self._starts = search.starts(structure, tangent_basis(config.pointing_axis_B))
+        self._pool = [Trajectory(structure) for _ in self._starts]
         self._plan = Trajectory(structure)
         self._shifted = Trajectory(structure)
         self._guard = float(np.linalg.eigvalsh(config.inertia_kg_m2)[0])
@@ -123,14 +126,14 @@ class AttitudeMpc:
             self.reset()
             return self._failed(attitude, omega, time.perf_counter() - begin)
         if not np.array_equal(target, self._R_ND) and (
-                so3.angle(target.T @ self._R_ND) > SETPOINT_MOVED_RAD):
+                error_angle(self.config, target.T @ self._R_ND) > SETPOINT_MOVED_RAD):
             self.reset()
         self._R_ND = target
         error = so3.attitude_error_B(target, attitude)
         quaternion = so3.quaternion_from_rotation(error)
         for engine in (self._strict, self._relaxed):
             engine.set_state(quaternion, omega * self._unit.time_s)
-        near = abs(float(quaternion[0])) > np.cos(SEARCH_ANGLE_RAD / 2)
+        near = bool(error_angle(self.config, error) < SEARCH_ANGLE_RAD)
         plan, passes, searched = self._find_plan(near)
         if plan is None:
             self.reset()
@@ -178,7 +181,7 @@ class AttitudeMpc:
 
     def _search(self, engine: Engine) -> tuple[Trajectory | None, int]:
         """Return the best of the global search and the shifted plan, and the passes it took."""
-        best, passes = search.global_search(engine, self._pool)
+        best, passes = search.global_search(engine, self._starts, self._pool)
         if best is not None and self._promised is not None and (
                 self._shifted.progress.cost < best.progress.cost):
             best = self._shifted

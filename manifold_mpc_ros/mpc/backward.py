@@ -59,10 +59,11 @@ def backward_terminal(structure: Structure) -> ca.Function:
     mu, exact, flat = ca.SX.sym('mu'), ca.SX.sym('exact'), ca.SX.sym('flat', PARAMETERS)
     p = unpack(flat)
     free = stage.free_step_derivative(node, p)
-    form = stage.terminal_form(node, free, p)
+    form = stage.terminal_form(node, free, structure.pointing, p)
     adjoint = form.gradient
-    p_xi = p.terminal_weight @ stage.terminal_coordinates(node)
-    form_hessian = form.hessian + exact * terminal_curvature(node, free, p_xi, p)
+    p_xi = p.terminal_weight @ stage.terminal_coordinates(node, structure.pointing, p)
+    form_hessian = form.hessian + exact * terminal_curvature(
+        node, free, p_xi, structure.pointing, p)
     v_xx, v_x, complementarity = form_hessian, form.gradient, ca.SX(0)
     if structure.terminal_set:
         y, t, s = dual[0], dual[1], dual[2]

@@ -27,6 +27,9 @@ from manifold_mpc_ros.mpc import guess, sqp
 from manifold_mpc_ros.mpc.structure import Structure
 
 FUNCTIONS = ('initial_node', 'start', 'iterate', 'stage_cost', 'terminal_value')
+# The modules of this package that the generated code comes from.
+_GENERATORS = ('scaling', 'structure', 'stage', 'curvature', 'backward', 'forward', 'guess', 'sqp',
+               'build')
 BACKENDS = ('auto', 'c', 'vm')
 # No contraction into fused multiply-add: compiled C and the virtual machine then execute the
 # same sequence of roundings (test_backends.py compares them bit by bit).
@@ -39,7 +42,7 @@ def build_functions(structure: Structure) -> list[ca.Function]:
     """Return the solver's functions as CasADi graphs, in the order of FUNCTIONS."""
     return [guess.initial_node(), sqp.start_function(structure),
             sqp.iterate_function(structure, sqp.PASSES_PER_CALL), guess.stage_cost(),
-            guess.terminal_value()]
+            guess.terminal_value(structure)]
 
 
 def load_functions(structure: Structure, backend: str, cache_dir: str | Path | None
@@ -144,7 +147,8 @@ def _hash_sources() -> str:
     """Return the hash of the modules that generate the code."""
     digest = hashlib.sha256()
     package = Path(__file__).resolve().parent.parent
-    for source in sorted([*package.glob('mpc/*.py'), *package.glob('*/symbolic.py'),
+    for source in sorted([*(package / 'mpc' / f'{name}.py' for name in _GENERATORS),
+                          *package.glob('*/symbolic.py'),
                           package / 'dynamics' / 'scalar_form.py']):
         digest.update(source.read_bytes())
     return digest.hexdigest()

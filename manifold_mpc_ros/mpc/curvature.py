@@ -19,12 +19,11 @@ from manifold_mpc_ros.lie.symbolic import (
     cayley_quaternion,
     hat,
     quaternion_log,
-    quaternion_product,
     rotation_from_quaternion,
     trace_hessian,
 )
 from manifold_mpc_ros.mpc.scaling import Parameters
-from manifold_mpc_ros.mpc.stage import split_node
+from manifold_mpc_ros.mpc.stage import split_node, turned_error
 
 
 class StageCurvature(NamedTuple):
@@ -83,12 +82,13 @@ def stage_curvature(node: ca.SX, cayley: ca.SX, free: StepDerivative, step: Step
     return StageCurvature(state, cross, by_step / 4)
 
 
-def terminal_curvature(node: ca.SX, free: StepDerivative, weight: ca.SX, p: Parameters) -> ca.SX:
+def terminal_curvature(node: ca.SX, free: StepDerivative, weight: ca.SX, pointing: bool,
+                       p: Parameters) -> ca.SX:
     """Return the second-order part (6, 6) of ``weight . xi(node)`` in tangent coordinates."""
     q, _, c = split_node(node)
     turn, shift = ca.SX.sym('turn', 3), ca.SX.sym('shift', 3)
-    turned = quaternion_product(q, ca.vertcat(1 - ca.dot(turn, turn) / 8, turn / 2))
-    by_turn = ca.hessian(ca.dot(weight[0:3], quaternion_log(turned)), turn)[0]
+    turned = turned_error(q, turn, pointing, p)
+    by_turn = ca.hessian(ca.dot(weight[0:3], turned), turn)[0]
     log_f = ca.dot(weight[3:6], quaternion_log(cayley_quaternion(c + shift)))
     by_shift, gradient = ca.hessian(log_f, shift)
     nu = free.cayley.T @ gradient

@@ -130,11 +130,12 @@ def forward_terminal(structure: Structure) -> ca.Function:
     alpha, mu = ca.SX.sym('alpha'), ca.SX.sym('mu')
     sums, flat = ca.SX.sym('sums', 3), ca.SX.sym('flat', PARAMETERS)
     p = unpack(flat)
-    xi_new = stage.terminal_coordinates(node_new)
+    xi_new = stage.terminal_coordinates(node_new, structure.pointing, p)
     form_new = ca.dot(xi_new, p.terminal_weight @ xi_new)
     cost, logs, dual_new = form_new / 2, ca.SX(0), dual
     if structure.terminal_set:
-        form = stage.terminal_form(node, stage.free_step_derivative(node, p), p)
+        form = stage.terminal_form(node, stage.free_step_derivative(node, p),
+                                   structure.pointing, p)
         change = (form_new - 2 * form.value) / p.terminal_level
         predicted = 2 * ca.dot(form.gradient, linear) / p.terminal_level
         bounds = stage.elastic_bounds(dual[0], dual[1], dual[2], mu, TERMINAL_PENALTY)

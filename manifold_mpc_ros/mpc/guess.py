@@ -5,7 +5,8 @@
 The sign of the starting quaternion chooses the side: the law follows the continuous rotation
 vector of length up to 2 pi, so ``q`` turns the short way and ``-q`` the long way round. A lean
 (three signs) saturates the torques in that octant for the first steps, which leaves the plane
-of the eigenaxis slew; planar slews are stationary points that no descent method leaves.
+of the eigenaxis slew; planar slews are stationary points that no descent method leaves. When
+pointing without torque limits the lean is the axis (a unit vector) of the first turn instead.
 """
 
 from __future__ import annotations
@@ -40,6 +41,11 @@ def _slew_torque(structure: Structure, node: ca.SX, lean: ca.SX, p: Parameters) 
     """Map (node, lean (3,)) to a torque: the local law with its rate capped for braking."""
     q, omega, _ = stage.split_node(node)
     error = _continuous_log(q)
+    if structure.pointing:
+        error = stage.error_vector(q, True, p)
+        if not structure.torque_box:
+            aside = ca.norm_2(error) * lean
+            error = ca.if_else(ca.dot(lean, lean) > 0, aside, error)
     length = ca.sqrt(ca.dot(error, error) + 1e-30)
     axis = error / length
     cap = ca.fmin(_FREE_RATE, _GUARD_FRACTION * p.guard / ca.norm_2(p.inertia @ axis))
@@ -78,7 +84,7 @@ def start_torque(structure: Structure) -> ca.Function:
     lean, source = ca.SX.sym('lean', 3), ca.SX.sym('source')
     flat = ca.SX.sym('flat', PARAMETERS)
     p = unpack(flat)
-    local = p.terminal_gain @ stage.terminal_coordinates(node)
+    local = p.terminal_gain @ stage.terminal_coordinates(node, structure.pointing, p)
     if structure.torque_box:
         local = _clip(local, p.max_torque)
     slew = _slew_torque(structure, node, lean, p)
@@ -129,7 +135,7 @@ def start_terminal(structure: Structure) -> ca.Function:
     node, mu = ca.SX.sym('node', stage.NODE), ca.SX.sym('mu')
     flat, sums = ca.SX.sym('flat', PARAMETERS), ca.SX.sym('sums', 3)
     p = unpack(flat)
-    xi = stage.terminal_coordinates(node)
+    xi = stage.terminal_coordinates(node, structure.pointing, p)
     form = ca.dot(xi, p.terminal_weight @ xi)
     cost, logs, dual = form / 2, ca.SX(0), ca.SX(0, 1)
     if structure.terminal_set:
@@ -158,10 +164,10 @@ def stage_cost() -> ca.Function:
     return ca.Function('stage_cost', [node, torque, flat], [cost])
 
 
-def terminal_value() -> ca.Function:
+def terminal_value(structure: Structure) -> ca.Function:
     """Map (node, p) to ``xi^T P xi / c``, at most 1 in the terminal set."""
     node, flat = ca.SX.sym('node', stage.NODE), ca.SX.sym('flat', PARAMETERS)
     p = unpack(flat)
-    xi = stage.terminal_coordinates(node)
+    xi = stage.terminal_coordinates(node, structure.pointing, p)
     form = ca.dot(xi, p.terminal_weight @ xi) / p.terminal_level
     return ca.Function('terminal_value', [node, flat], [form])

@@ -17,6 +17,7 @@ import numpy as np
 from manifold_mpc_ros.mpc import sqp
 from manifold_mpc_ros.mpc.engine import Engine, Trajectory
 from manifold_mpc_ros.mpc.scaling import Array
+from manifold_mpc_ros.mpc.structure import Structure
 
 # Barrier parameter of a cold start (dimensionless, against a cost of order 10).
 COLD_BARRIER = 1.0
@@ -42,9 +43,19 @@ _OCTANTS = tuple(Start((x, y, z), False)
 _SIDES = (Start((0.0, 0.0, 0.0), False), Start((0.0, 0.0, 0.0), True))
 
 
-def starts(torque_limited: bool) -> tuple[Start, ...]:
-    """Return the starts in their fixed order."""
-    return _SIDES + _OCTANTS if torque_limited else _SIDES
+def starts(structure: Structure, across: Array) -> tuple[Start, ...]:
+    """Return the starts in their fixed order.
+
+    Pointing has no long way round; without torque limits it leans to either side along both
+    columns of ``across`` (3, 2), a basis of the plane across the axis.
+    """
+    if not structure.pointing:
+        return _SIDES + _OCTANTS if structure.torque_box else _SIDES
+    if structure.torque_box:
+        return _SIDES[:1] + _OCTANTS
+    first, second = across.T
+    return _SIDES[:1] + tuple(Start((float(x), float(y), float(z)), False)
+                              for x, y, z in (first, -first, second, -second))
 
 
 def lean_steps(horizon: int) -> int:
@@ -65,12 +76,12 @@ def is_converged(trajectory: Trajectory) -> bool:
         flag == sqp.STALLED and residual(trajectory) < ACCEPTABLE_RESIDUAL)
 
 
-def global_search(engine: Engine, pool: list[Trajectory]) -> tuple[Trajectory | None, int]:
+def global_search(engine: Engine, field: tuple[Start, ...], pool: list[Trajectory]
+                  ) -> tuple[Trajectory | None, int]:
     """Return the best trajectory from the engine's state, and the passes it took in all.
 
     ``pool`` holds one trajectory per start as memory. None when no start gave a trajectory.
     """
-    field = starts(engine.structure.torque_box)
     for start, slot in zip(field, pool):
         engine.begin_slew(np.array(start.lean), lean_steps(engine.structure.horizon),
                           start.long_way, COLD_BARRIER)

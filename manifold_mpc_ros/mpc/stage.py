@@ -17,7 +17,9 @@ import casadi as ca
 from manifold_mpc_ros.dynamics.symbolic import StepDerivative, step_derivative
 from manifold_mpc_ros.lie.symbolic import (
     cayley_quaternion,
+    direction_log,
     quaternion_log,
+    quaternion_product,
     right_jacobian_inverse,
     rotation_from_quaternion,
     trace_hessian,
@@ -77,16 +79,40 @@ def torque_cost(u: ca.SX, p: Parameters) -> ca.SX:
     return ca.dot(u, p.torque_hessian @ u) / 2
 
 
-def terminal_coordinates(node: ca.SX) -> ca.SX:
-    """Return ``xi = (Log g, Log f)`` of a node, the chart of the terminal design."""
+def error_vector(q: ca.SX, pointing: bool, p: Parameters) -> ca.SX:
+    """Return the rotation vector of the error: ``Log g``, or the shortest that meets the axis."""
+    if not pointing:
+        return quaternion_log(q)
+    gamma = rotation_from_quaternion(q).T @ p.pointing_axis
+    return direction_log(gamma, p.pointing_axis, p.pointing_across)
+
+
+def turned_error(q: ca.SX, turn: ca.SX, pointing: bool, p: Parameters) -> ca.SX:
+    """Return the error vector after a small turn (3,) in body axes, right to second order."""
+    small = ca.vertcat(1 - ca.dot(turn, turn) / 8, turn / 2)
+    return error_vector(quaternion_product(q, small), pointing, p)
+
+
+def error_derivative(q: ca.SX, pointing: bool, p: Parameters) -> ca.SX:
+    """Return the derivative (3, 3) of the error vector by a turn in body axes."""
+    if not pointing:
+        return right_jacobian_inverse(quaternion_log(q))
+    turn = ca.SX.sym('turn', 3)
+    derivative = ca.jacobian(turned_error(q, turn, pointing, p), turn)
+    return ca.substitute(derivative, turn, ca.SX.zeros(3))
+
+
+def terminal_coordinates(node: ca.SX, pointing: bool, p: Parameters) -> ca.SX:
+    """Return ``xi = (x, Log f)`` of a node, x its error vector: the terminal design's chart."""
     q, _, c = split_node(node)
-    return ca.vertcat(quaternion_log(q), quaternion_log(cayley_quaternion(c)))
+    return ca.vertcat(error_vector(q, pointing, p), quaternion_log(cayley_quaternion(c)))
 
 
-def terminal_form(node: ca.SX, free: StepDerivative, p: Parameters) -> Quadratic:
+def terminal_form(node: ca.SX, free: StepDerivative, pointing: bool, p: Parameters
+                  ) -> Quadratic:
     """Return ``xi^T P xi / 2`` with its Gauss-Newton Hessian; the set is value <= c / 2."""
-    xi = terminal_coordinates(node)
-    chart = ca.diagcat(right_jacobian_inverse(xi[0:3]),
+    xi = terminal_coordinates(node, pointing, p)
+    chart = ca.diagcat(error_derivative(node[0:4], pointing, p),
                        right_jacobian_inverse(xi[3:6]) @ free.angle @ p.inertia)
     p_xi = p.terminal_weight @ xi
     return Quadratic(ca.dot(xi, p_xi) / 2, chart.T @ p_xi, chart.T @ p.terminal_weight @ chart)

@@ -25,6 +25,7 @@ class Structure(NamedTuple):
     torque_box: bool
     rate_box: bool
     terminal_set: bool
+    pointing: bool = False
 
     @property
     def stage_duals(self) -> int:

@@ -26,14 +26,16 @@ Array = NDArray[np.float64]
 in_forcings = pytest.mark.parametrize('symmetric', [False, True], ids=['paper', 'symmetric'])
 
 
-def parameters() -> Parameters:
+def parameters(target: str = 'attitude') -> Parameters:
     """Return a dimensionless problem without any symmetry."""
     rng = generator('weights')
     config = configuration(
         inertia_kg_m2=INERTIAS['off_diagonal'], attitude_weight=weight(rng),
-        rate_weight=weight(rng), torque_weight=weight(rng))
-    root = rng.standard_normal((6, 6))
-    flat = flat_parameters(config, root @ root.T + np.eye(6), rng.standard_normal((3, 6)), 1.0)
+        rate_weight=weight(rng), torque_weight=weight(rng), target=target,
+        pointing_axis_B=rng.standard_normal(3))
+    n = {'attitude': 6, 'pointing': 5}[target]
+    root = rng.standard_normal((n, n))
+    flat = flat_parameters(config, root @ root.T + np.eye(n), rng.standard_normal((3, n)), 1.0)
     return unpack(ca.SX(flat))
 
 
@@ -82,23 +84,25 @@ def largest_difference(s: Symbols, ours: ca.SX, exact: ca.SX) -> float:
     return worst
 
 
-def test_gradient_of_the_state_cost() -> None:
-    s, p = symbols(), parameters()
+@pytest.mark.parametrize('target', ['attitude', 'pointing'])
+def test_gradient_of_the_state_cost(target: str) -> None:
+    s, p = symbols(), parameters(target)
     moved = node(s, p, s.z)
     ours = stage.state_cost(moved, stage.free_step_derivative(moved, p), p).gradient
     exact = ca.gradient(stage.state_cost_value(moved, p), s.z)
     assert largest_difference(s, ours, exact) < 1e-13
 
 
-def test_value_and_gradient_of_the_terminal_form() -> None:
-    s, p = symbols(), parameters()
+@pytest.mark.parametrize('target', ['attitude', 'pointing'])
+def test_value_and_gradient_of_the_terminal_form(target: str) -> None:
+    s, p, pointing = symbols(), parameters(target), target == 'pointing'
     moved = node(s, p, s.z)
-    form = stage.terminal_form(moved, stage.free_step_derivative(moved, p), p)
-    xi = stage.terminal_coordinates(moved)
+    form = stage.terminal_form(moved, stage.free_step_derivative(moved, p), pointing, p)
+    xi = stage.terminal_coordinates(moved, pointing, p)
     value = ca.dot(xi, p.terminal_weight @ xi) / 2
     assert largest_difference(s, form.gradient, ca.gradient(value, s.z)) < 1e-13
     total = form.hessian + curvature.terminal_curvature(
-        moved, stage.free_step_derivative(moved, p), p.terminal_weight @ xi, p)
+        moved, stage.free_step_derivative(moved, p), p.terminal_weight @ xi, pointing, p)
     assert largest_difference(s, total, ca.hessian(value, s.z)[0]) < 1e-12
 
 
