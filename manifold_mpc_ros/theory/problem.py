@@ -31,7 +31,9 @@ class ManifoldProblem:
     terminal_scale
         lambda in (0, 1): the terminal design is for ``L / lambda``.
     control_limits
-        Half widths (m,) of the box on psi^-1(u), None for no limit.
+        Half widths (m,) of the box on psi^-1(u), inf where there is none; None for no limit.
+    control_name
+        What reports call that box.
     state_limits
         By name, g with ``g(x) <= 0`` (each entry) where the state is admissible.
     existence
@@ -50,5 +52,6 @@ class ManifoldProblem:
     state_units: Array
     control_units: Array
     control_limits: Array | None = None
+    control_name: str = 'control'
     state_limits: Mapping[str, Callable[[ca.SX], ca.SX]] = field(default_factory=dict)
     existence: StepMap | None = None
