@@ -7,7 +7,7 @@ from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
-from manifold_mpc_ros.mpc.terminal import TerminalDesign
+from manifold_mpc_ros.theory.design import TerminalDesign
 
 __all__ = [
     'AttitudeMpc', 'AttitudeMpcConfig', 'AttitudeMpcSolution', 'ManifoldMpcError', 'SolveStatus',

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from manifold_mpc_ros.mpc.horizon import HorizonReport
-    from manifold_mpc_ros.mpc.terminal import TerminalDesign
+    from manifold_mpc_ros.theory.design import TerminalDesign
 
 SUMMARY = 'Print the terminal set, how it was checked and the smallest horizon of a controller.'
 EXAMPLES = """\
@@ -54,13 +54,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Design, print; 0, as an answer that somebody may not like is an answer."""
     from manifold_mpc_ros.cli import report
-    from manifold_mpc_ros.mpc.terminal import design_terminal
+    from manifold_mpc_ros.problems.registry import terminal_design
     path = shared.controller_config_path(arguments.controller_config)
     config = AttitudeMpcConfig.from_yaml(path)
     console = report.make_console()
     console.print(f'Controller: {path}', soft_wrap=True, markup=False)
     with console.status('Designing the terminal set'):
-        design = design_terminal(config)
+        design = terminal_design(config)
     _print_design(console, design)
     horizon = None
     if not arguments.no_horizon:

@@ -19,7 +19,8 @@ from manifold_mpc_ros.mpc.scaling import Array, flat_parameters, scaling_of
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 from manifold_mpc_ros.mpc.structure import Structure
 from manifold_mpc_ros.mpc.target import error_angle
-from manifold_mpc_ros.mpc.terminal import TerminalDesign, design_terminal
+from manifold_mpc_ros.problems.registry import terminal_design
+from manifold_mpc_ros.theory.design import TerminalDesign
 from manifold_mpc_ros.theory.manifold import tangent_basis
 
 # Barrier parameter of a warm start.
@@ -82,7 +83,7 @@ class AttitudeMpc:
 
         """
         self.config = config
-        self.terminal: TerminalDesign = terminal or design_terminal(config)
+        self.terminal: TerminalDesign = terminal or terminal_design(config)
         self._unit = scaling_of(config)
         structure = structure_of(config)
         parameters = flat_parameters(config, self.terminal.P, self.terminal.K, self.terminal.c)

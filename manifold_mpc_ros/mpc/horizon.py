@@ -21,7 +21,7 @@ from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.scaling import Array
 from manifold_mpc_ros.mpc.solution import SolveStatus
-from manifold_mpc_ros.mpc.terminal import design_terminal
+from manifold_mpc_ros.problems.registry import terminal_design
 
 # Axes spread over the half sphere, and the angles [deg] tried about each.
 _AXES, _ANGLES_DEG = 30, (180.0, 150.0, 120.0, 90.0)
@@ -66,7 +66,7 @@ def smallest_horizon(config: AttitudeMpcConfig, *, largest: int = _LARGEST_HORIZ
 
     """
     config = replace(config, terminal_constraint=True)
-    terminal = design_terminal(config)
+    terminal = terminal_design(config)
     attitudes = rest_attitudes()
     order, tried, hardest = list(range(len(attitudes))), {}, attitudes[0]
 

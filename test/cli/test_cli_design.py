@@ -14,7 +14,7 @@ import pytest
 from manifold_mpc_ros.cli import design as verb
 from manifold_mpc_ros.config import AttitudeMpcConfig
 from manifold_mpc_ros.mpc.horizon import HorizonReport
-from manifold_mpc_ros.mpc.terminal import design_terminal
+from manifold_mpc_ros.problems.registry import terminal_design
 
 Command = Callable[..., tuple[int, str, str]]
 
@@ -35,7 +35,7 @@ def test_the_json_holds_the_design(
                                '--json', tmp_path / 'design.json')
     assert (status, err) == (0, '')
     data = json.loads((tmp_path / 'design.json').read_text(encoding='utf-8'))
-    design = design_terminal(AttitudeMpcConfig.from_yaml(paper_like))
+    design = terminal_design(AttitudeMpcConfig.from_yaml(paper_like))
     for name in ('A', 'B', 'P', 'K'):
         assert np.array_equal(data[name], getattr(design, name))
     assert data['c'] == design.c
@@ -52,7 +52,7 @@ def test_every_condition_that_can_limit_has_words(
     command: Command, write_config: Callable[..., Path],
 ) -> None:
     path = write_config('controller')
-    design = design_terminal(AttitudeMpcConfig.from_yaml(path))
+    design = terminal_design(AttitudeMpcConfig.from_yaml(path))
     assert set(design.report.limits) <= set(verb.CONDITIONS)
     status, out, _ = command('design', '--controller-config', path, '--no-horizon')
     assert status == 0
@@ -62,7 +62,7 @@ def test_every_condition_that_can_limit_has_words(
 
 def test_rest_angle_touches_the_terminal_set(paper_like: Path) -> None:
     """Inside the angle every axis is in the set; just beyond it, the worst axis is not."""
-    design = design_terminal(AttitudeMpcConfig.from_yaml(paper_like))
+    design = terminal_design(AttitudeMpcConfig.from_yaml(paper_like))
     angle = np.radians(verb.rest_angle_deg(design))
     eigenvalues, axes = np.linalg.eigh(design.P[:3, :3])
     assert np.isclose(angle**2 * eigenvalues[-1], design.c)

@@ -20,7 +20,7 @@ from reference import closed_loop
 
 from manifold_mpc_ros.errors import ConfigurationError, SolverBuildError
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
-from manifold_mpc_ros.mpc.terminal import design_terminal
+from manifold_mpc_ros.problems.registry import terminal_design
 
 Make = Callable[..., AttitudeMpc]
 
@@ -35,7 +35,7 @@ import numpy as np
 from cases import configuration
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
-from manifold_mpc_ros.mpc.terminal import design_terminal
+from manifold_mpc_ros.problems.registry import terminal_design
 config = configuration(terminal_constraint=False, horizon=1)
 mpc = AttitudeMpc(config, backend=sys.argv[1], cache_dir=sys.argv[2])
 plan = mpc.solve(so3.exp(np.array([0.3, -0.2, 2.0])), np.array([0.1, 0.2, -0.1]))
@@ -70,7 +70,7 @@ def shared_start(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[l
 def small() -> Callable[..., AttitudeMpc]:
     """Return ``make(**options)``: a controller of the smallest structure, designed once."""
     config = configuration(**SMALL)
-    terminal = design_terminal(config)
+    terminal = terminal_design(config)
     return functools.partial(AttitudeMpc, config, terminal=terminal)
 
 

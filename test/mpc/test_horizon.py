@@ -20,7 +20,7 @@ from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.horizon import HorizonReport, rest_attitudes, smallest_horizon
 from manifold_mpc_ros.mpc.solution import SolveStatus
-from manifold_mpc_ros.mpc.terminal import design_terminal
+from manifold_mpc_ros.problems.registry import terminal_design
 
 # Strong torques and a soft law: three steps are enough, and few solvers have to be built.
 QUICK: dict[str, Any] = {
@@ -62,7 +62,7 @@ def test_the_report_says_what_was_tried(found: tuple[HorizonReport, list[str]]) 
 def test_the_hardest_attitude_needs_it(found: tuple[HorizonReport, list[str]]) -> None:
     """IPOPT finds a plan from there with this many steps, and none with one less."""
     R, feasible = so3.exp(found[0].hardest), {}
-    terminal = design_terminal(configuration(**QUICK))
+    terminal = terminal_design(configuration(**QUICK))
     for horizon in (found[0].smallest - 1, found[0].smallest):
         oracle = Oracle(configuration(**QUICK, horizon=horizon), terminal.P, terminal.c)
         cost = best(oracle, R, np.zeros(3), generator('hardest'), octants=0, randoms=0).cost

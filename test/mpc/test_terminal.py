@@ -17,7 +17,8 @@ from strategies import INERTIAS
 
 from manifold_mpc_ros.config import AttitudeMpcConfig
 from manifold_mpc_ros.errors import DesignError
-from manifold_mpc_ros.mpc.terminal import TerminalDesign, design_terminal
+from manifold_mpc_ros.problems.registry import terminal_design
+from manifold_mpc_ros.theory.design import TerminalDesign
 
 Array = NDArray[np.float64]
 
@@ -43,7 +44,7 @@ def designs() -> Callable[[str], tuple[AttitudeMpcConfig, TerminalDesign]]:
     def get(case: str) -> tuple[AttitudeMpcConfig, TerminalDesign]:
         if case not in made:
             config = configuration(**CASES[case])
-            made[case] = config, design_terminal(config)
+            made[case] = config, terminal_design(config)
         return made[case]
     return get
 
@@ -137,7 +138,7 @@ def test_the_printed_input_matrix_is_wrong_unless_the_inertia_is_one(
         moments: tuple[float, ...]) -> None:
     """B = [0; h I] gives no decrease near the origin; for the light body no stability either."""
     config = configuration(inertia_kg_m2=moments)
-    d = design_terminal(config)
+    d = terminal_design(config)
     printed = np.vstack([np.zeros((3, 3)), config.step_s * np.eye(3)])
     assert np.abs(d.B - printed).max() > 0.1
     P = solve_discrete_are(d.A, printed, d.Q, d.R)
@@ -166,4 +167,4 @@ def test_the_printed_inverse_has_no_meaning(designs: Designs) -> None:
 def test_an_impossible_weight_is_a_design_error() -> None:
     """Torque so dear that the law's gain is lost in rounding."""
     with pytest.raises(DesignError, match='Riccati'):
-        design_terminal(configuration(torque_weight=1e14 * np.eye(3)))
+        terminal_design(configuration(torque_weight=1e14 * np.eye(3)))

@@ -23,7 +23,8 @@ from strategies import INERTIAS, generator, unit_vectors
 from manifold_mpc_ros.config import AttitudeMpcConfig
 from manifold_mpc_ros.errors import DesignError
 from manifold_mpc_ros.lie import so3
-from manifold_mpc_ros.mpc.terminal import TerminalDesign, design_terminal
+from manifold_mpc_ros.problems.registry import terminal_design
+from manifold_mpc_ros.theory.design import TerminalDesign
 
 Array = NDArray[np.float64]
 
@@ -48,7 +49,7 @@ SAMPLES = 20000
 def designed(case: str) -> tuple[AttitudeMpcConfig, TerminalDesign]:
     """Return configuration and design of a case, made once."""
     config = configuration(**CASES[case][1])
-    return config, design_terminal(config)
+    return config, terminal_design(config)
 
 
 class Outcome(NamedTuple):
@@ -172,7 +173,7 @@ def test_the_torque_limit_alone_shrinks_the_set() -> None:
     """Trap 5: with it the set no longer holds every attitude at rest, without it nearly all."""
     reach = {}
     for name, changes in (('free', {}), ('limited', {'max_torque_n_m': 0.3})):
-        design = design_terminal(configuration(inertia_kg_m2=np.eye(3), **changes))
+        design = terminal_design(configuration(inertia_kg_m2=np.eye(3), **changes))
         assert ('torque' in design.report.limits) == (name == 'limited')
         axes = unit_vectors(generator('reach'), 100)
         per_angle = np.einsum('ni,ij,nj->n', axes, design.P[:3, :3], axes)
@@ -183,7 +184,7 @@ def test_the_torque_limit_alone_shrinks_the_set() -> None:
 
 def test_the_chart_cuts_the_set_at_half_a_turn() -> None:
     """J = I, h = 0.5, no limits: the largest |Log g| in the set is 0.999 pi, c aside."""
-    design = design_terminal(configuration(inertia_kg_m2=np.eye(3)))
+    design = terminal_design(configuration(inertia_kg_m2=np.eye(3)))
     assert design.report.limiting == 'chart'
     edge = on_level(design.P, np.full(20000, design.report.limits['chart']), unit_six(20000))
     assert 3.0 < np.linalg.norm(edge[:, :3], axis=1).max() <= 0.999 * np.pi * (1 + 1e-12)
@@ -194,7 +195,7 @@ def test_a_scale_too_close_to_one_is_certified_or_refused() -> None:
     """Lambda close to 1 leaves little room for the curvature of the step."""
     config = configuration(terminal_scale=0.999999, forcing='symmetric')
     with contextlib.suppress(DesignError):
-        design = design_terminal(config)
+        design = terminal_design(config)
         assert design.report.worst_decrease <= 0
         worst = steepest(lambda xi: apply_law(config, design, xi).decrease, design, design.c)
         assert worst <= 0
