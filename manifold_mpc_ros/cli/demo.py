@@ -24,7 +24,7 @@ from manifold_mpc_ros.cli.processes import NodeProcesses, free_domain_id, node_e
 from manifold_mpc_ros.config import SimulatorConfig
 from manifold_mpc_ros.config_controller import ControllerConfig
 from manifold_mpc_ros.errors import ManifoldMpcError
-from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.mpc.target import error_angle
 from manifold_mpc_ros.sim.closed_loop import settling_time
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def run(arguments: argparse.Namespace) -> int:
             waiting.until(lambda: recorder.states > 0)
             start('controller', files[0])
             waiting.until(lambda: loop_is_closed(recorder))
-            watch_until_settled(recorder, processes, arguments, display)
+            watch_until_settled(recorder, processes, config.mpc, arguments, display)
         exits = processes.stop()
         recording, solver = recorder.recording(), recorder.solver
     return _finish(console, recording, solver, waiting.elapsed_s, exits, config, arguments)
@@ -115,7 +115,7 @@ def _finish(
 ) -> int:
     """Print the table, write pictures and data; 0 when settled and both nodes ended well."""
     from manifold_mpc_ros.cli import report
-    error_rad = so3.angle(recording.R_NB)
+    error_rad = error_angle(config.mpc, recording.R_NB)
     rate_rad_s = np.linalg.norm(recording.omega_BN_B, axis=1)
     settled_s = settling_time(
         recording.state_time_s,
@@ -127,8 +127,8 @@ def _finish(
         ('settled after', report.settled_text(
             settled_s, arguments.attitude_tolerance, arguments.rate_tolerance)),
         ('start to first command', f'{start_s:.1f} s of wall clock, not counted above'),
-        ('first attitude error', f'{math.degrees(error_rad[0]):.6g} deg'),
-        ('final attitude error', f'{math.degrees(error_rad[-1]):.3g} deg'),
+        (f'first {config.mpc.target} error', f'{math.degrees(error_rad[0]):.6g} deg'),
+        (f'final {config.mpc.target} error', f'{math.degrees(error_rad[-1]):.3g} deg'),
         ('final rate', f'{rate_rad_s[-1]:.3g} rad/s'),
         ('peak torque, by axis',
          report.vector_text(np.abs(recording.torque_B_n_m).max(axis=0), 'N m')
@@ -161,7 +161,7 @@ def _write(
         torque_B_n_m=recording.torque_B_n_m, max_rate_rad_s=config.mpc.max_rate_rad_s,
         max_torque_n_m=config.mpc.max_torque_n_m,
         attitude_tolerance_rad=math.radians(arguments.attitude_tolerance),
-        settled_s=settled_s), folder / 'response.png')
+        settled_s=settled_s, target=config.mpc.target), folder / 'response.png')
     chosen = snapshot_rows(recording.state_time_s, 2.0, settled_s, SNAPSHOTS)
     orientation = plot_orientation(
         'Orientation during the slew', recording.state_time_s[chosen], recording.R_NB[chosen],

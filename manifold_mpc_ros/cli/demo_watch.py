@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from manifold_mpc_ros.cli.processes import NodeProcesses
+from manifold_mpc_ros.config import AttitudeMpcConfig
 from manifold_mpc_ros.errors import ManifoldMpcError
-from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.mpc.target import error_angle
 
 if TYPE_CHECKING:
     from manifold_mpc_ros.cli.demo_display import DemoDisplay
@@ -65,8 +66,8 @@ def loop_is_closed(recorder: Recorder) -> bool:
 
 
 def watch_until_settled(
-    recorder: Recorder, processes: NodeProcesses, arguments: argparse.Namespace,
-    display: DemoDisplay,
+    recorder: Recorder, processes: NodeProcesses, config: AttitudeMpcConfig,
+    arguments: argparse.Namespace, display: DemoDisplay,
 ) -> None:
     """Listen until the body has held its attitude for a while, or the time is up."""
     begun_s = time.monotonic()
@@ -75,7 +76,8 @@ def watch_until_settled(
         _require_running(processes)
         recorder.listen(LISTEN_S)
         state_s, R_NB, omega_BN_B = recorder.latest_state()
-        error_rad, rate_rad_s = float(so3.angle(R_NB)), float(np.linalg.norm(omega_BN_B))
+        error_rad = float(error_angle(config, R_NB))
+        rate_rad_s = float(np.linalg.norm(omega_BN_B))
         display.running(elapsed_s, arguments.time_limit, error_rad, rate_rad_s,
                         recorder.latest_torque(), recorder.mode)
         if not _within(arguments, error_rad, rate_rad_s):

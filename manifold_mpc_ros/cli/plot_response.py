@@ -41,6 +41,7 @@ class Response:
     max_torque_n_m: np.ndarray | None
     attitude_tolerance_rad: float
     settled_s: float | None
+    target: str = 'attitude'  # or 'pointing': what the error is an error of
 
 
 def plot_response(response: Response, path: Path) -> Path:
@@ -69,7 +70,7 @@ def plot_response(response: Response, path: Path) -> Path:
 
 
 def _draw_error(axes: Axes, response: Response) -> None:
-    """Draw the attitude error over decades, with the tolerance."""
+    """Draw the error over decades, with the tolerance."""
     degrees = np.degrees(response.attitude_error_rad)
     axes.semilogy(response.state_time_s, np.maximum(degrees, 1e-12), color=INK, label='error')
     tolerance = math.degrees(response.attitude_tolerance_rad)
@@ -77,7 +78,7 @@ def _draw_error(axes: Axes, response: Response) -> None:
                  label='tolerance')
     axes.set_ylim(*ERROR_RANGE_DEG)
     axes.yaxis.set_major_formatter(lambda value, _: f'{value:g}')
-    axes.set_ylabel('attitude error [deg]')
+    axes.set_ylabel(f'{response.target} error [deg]')
 
 
 def _mark_settled(axes: Axes, settled_s: float | None) -> None:

@@ -8,6 +8,7 @@ import argparse
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,7 @@ import numpy as np
 from manifold_mpc_ros.cli import arguments as shared
 from manifold_mpc_ros.config import AttitudeMpcConfig, SimulatorConfig
 from manifold_mpc_ros.config_controller import ControllerConfig
+from manifold_mpc_ros.mpc.target import error_angle
 from manifold_mpc_ros.sim.closed_loop import ClosedLoopLog, Tick, run_closed_loop
 from manifold_mpc_ros.sim.plant import Plant
 
@@ -68,7 +70,8 @@ def run(arguments: argparse.Namespace) -> int:
         mpc = AttitudeMpc(config, backend=arguments.backend or controller.backend)
     with _progress(console) as on_tick:
         log = run_closed_loop(
-            mpc, plant, arguments.duration, config.step_s, on_tick=on_tick)
+            mpc, plant, arguments.duration, config.step_s, on_tick=on_tick,
+            error_angle=partial(error_angle, config))
     settled_s = log.settled_at(
         math.radians(arguments.attitude_tolerance), arguments.rate_tolerance)
     rows = _result_rows(log, plant, config, arguments, settled_s)
@@ -109,8 +112,8 @@ def _result_rows(
     return [
         ('settled at', report.settled_text(
             settled_s, arguments.attitude_tolerance, arguments.rate_tolerance)),
-        ('first attitude error', f'{math.degrees(log.attitude_error_rad[0]):.6g} deg'),
-        ('final attitude error', f'{math.degrees(log.attitude_error_rad[-1]):.3g} deg'),
+        (f'first {config.target} error', f'{math.degrees(log.attitude_error_rad[0]):.6g} deg'),
+        (f'final {config.target} error', f'{math.degrees(log.attitude_error_rad[-1]):.3g} deg'),
         ('final rate', f'{log.rate_rad_s[-1]:.3g} rad/s'),
         ('peak torque, by axis', report.vector_text(np.abs(log.torque_B_n_m).max(axis=0), 'N m')
          + f', {report.limit_text(config.max_torque_n_m)}'),
@@ -154,7 +157,7 @@ def _write(
         omega_BN_B=log.omega_BN_B, torque_time_s=log.time_s, torque_B_n_m=log.torque_B_n_m,
         max_rate_rad_s=config.max_rate_rad_s, max_torque_n_m=config.max_torque_n_m,
         attitude_tolerance_rad=math.radians(arguments.attitude_tolerance),
-        settled_s=settled_s), folder / 'response.png')
+        settled_s=settled_s, target=config.target), folder / 'response.png')
     chosen = snapshot_rows(log.time_s, 2.0, settled_s, SNAPSHOTS)
     orientation = plot_orientation(
         'Orientation during the slew', log.time_s[chosen], log.R_NB[chosen],

@@ -99,7 +99,7 @@ class ClosedLoopLog:
     R_NB: Array                # (n, 3, 3) true attitude
     omega_BN_B: Array          # (n, 3) true body rate [rad/s]
     torque_B_n_m: Array        # (n, 3) commanded torque [N m]
-    attitude_error_rad: Array  # (n,) angle between the true and the commanded attitude [rad]
+    attitude_error_rad: Array  # (n,) angle left to turn [rad]
     cost: Array                # (n,)
     iterations: Array          # (n,)
     status: Array              # (n,) text
@@ -150,6 +150,7 @@ def run_closed_loop(
     control_step_s: float,
     R_ND: Array | None = None,
     on_tick: Callable[[Tick], None] | None = None,
+    error_angle: Callable[[Array], Array] = so3.angle,
 ) -> ClosedLoopLog:
     """Run a controller against a body from the body's present state on.
 
@@ -166,6 +167,9 @@ def run_closed_loop(
         Commanded attitude (3, 3), default identity.
     on_tick
         Called after each control step.
+    error_angle
+        Maps ``R_ND^T R_NB`` to the angle left to turn [rad]; pointing has its own
+        (:func:`manifold_mpc_ros.mpc.target.error_angle`).
 
     Raises
     ------
@@ -180,7 +184,7 @@ def run_closed_loop(
     for index in range(ticks + 1):
         solution = mpc.solve(*plant.measure(), desired)
         R_NB, omega_BN_B = plant.R_NB, plant.omega_BN_B
-        error = float(so3.angle(so3.attitude_error_B(desired, R_NB)))
+        error = float(error_angle(so3.attitude_error_B(desired, R_NB)))
         time_s, status = index * control_step_s, _text(solution.status)
         rows.append((
             time_s, R_NB, omega_BN_B, solution.torque_B_n_m, error, solution.cost,
