@@ -26,6 +26,8 @@ class ControllerConfig:
     body_frame_id: str
     initial_setpoint: str
     state_timeout_ticks: int
+    decrease_tolerance: float
+    attitude_noise_rad: float
     lockstep: bool
     autostart: bool
 

@@ -93,6 +93,14 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
         'state_timeout_ticks', 'int', 5,
         'age of the state, in steps, above which the command is zero', unit='steps', low=1,
         high=1000),
+    ParameterSpec(
+        'monitor.decrease_tolerance', 'float', 0.1,
+        'part of the promised decrease of the value function that may be missing without a '
+        'warning', unit='1', low=0.0, high=1.0),
+    ParameterSpec(
+        'monitor.attitude_noise_rad', 'float', 1e-4,
+        'error of a measured attitude, and of the rate in one step, that is no reason to warn',
+        unit='rad', low=0.0, high=3.0),
     _LOCKSTEP,
     _AUTOSTART,
 )

@@ -16,6 +16,8 @@ from sensor_msgs.msg import Imu
 from manifold_mpc_ros.config_controller import ControllerConfig
 from manifold_mpc_ros.config_parameters import Value
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
+from manifold_mpc_ros.mpc.monitor import monitor_for
+from manifold_mpc_ros.mpc.promise import PromiseRecord, Verdict
 from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.gate import (
     NANOSECONDS,
@@ -59,9 +61,13 @@ class AttitudeControllerNode(ManagedNode):
         """Design and build the solver, then the interfaces."""
         config = ControllerConfig.from_parameters(values)
         self._config = config
+        mpc = AttitudeMpc(config.mpc, backend=config.backend)
+        self._monitor = monitor_for(
+            config.mpc, mpc.terminal.P, decrease_tolerance=config.decrease_tolerance,
+            attitude_noise_rad=config.attitude_noise_rad)
         self._loop = ControlLoop(
-            AttitudeMpc(config.mpc, backend=config.backend), config.mpc,
-            timeout_s=config.state_timeout_s, initial_setpoint=config.initial_setpoint)
+            mpc, config.mpc, timeout_s=config.state_timeout_s,
+            initial_setpoint=config.initial_setpoint, monitor=self._monitor)
         self._gate = StateGate(
             config.inertial_frame_id, config.body_frame_id, step_s=config.mpc.step_s,
             timeout_s=config.state_timeout_s, timed=not config.lockstep)
@@ -88,6 +94,7 @@ class AttitudeControllerNode(ManagedNode):
     def start(self) -> None:
         """Wait for the first state, ticking already unless in lockstep."""
         self.reset()
+        self._monitor.clear()
         self._loop.paused = False
         self._timer = None
         if not self._config.lockstep:
@@ -135,6 +142,8 @@ class AttitudeControllerNode(ManagedNode):
             status.values.update(
                 solver_status=solution.status.value, iterations=solution.iterations,
                 solve_time_us=solution.solve_time_s * 1e6, cost=float(solution.cost))
+        if command.promise is not None:
+            _add_promise(status, command.promise, nominal=command.mode is Mode.NOMINAL)
         return status
 
     def _waiting(self) -> str:
@@ -193,6 +202,9 @@ class AttitudeControllerNode(ManagedNode):
             command.stamp_ns, command.torque_B_n_m, self._config.body_frame_id))
         self._command = command
         self._ticks += 1
+        if command.promise is not None and command.promise.burst:
+            self.get_logger().warning(f'tick {self._ticks}: {command.promise.reason}')
+        self.publish_diagnostics()
         if command.solution is not None and self._prediction.get_subscription_count() > 0:
             self._prediction.publish(messages.to_path(
                 command.stamp_ns, self._config.mpc.step_s, command.solution.R_NB,
@@ -203,3 +215,22 @@ class AttitudeControllerNode(ManagedNode):
         if self._command is not None and self._command.stamp_ns == stamp_ns:
             self._torque.publish(messages.to_torque(
                 stamp_ns, self._command.torque_B_n_m, self._config.body_frame_id))
+
+
+def _add_promise(status: Status, record: PromiseRecord, *, nominal: bool) -> None:
+    """Add to a status what became of the promise of the last tick, and the warning if due."""
+    words = {None: 'unknown', True: 'true', False: 'false'}
+    why_none = f' ({record.reason})' if record.verdict is Verdict.NONE else ''
+    status.values.update(
+        value_function=record.value, promised_value=record.promised,
+        decrease_excess=record.excess, relative_excess=record.relative_excess,
+        promise=record.verdict.value + why_none,
+        in_domain_of_attraction=words[record.in_domain],
+        in_terminal_set=words[record.in_terminal_set],
+        promises_made=record.counters.made, promises_checked=record.counters.checked,
+        promises_broken=record.counters.broken,
+        largest_relative_excess=record.counters.largest_excess,
+        ticks_outside_domain=record.counters.outside_domain)
+    if record.warning:
+        status.level = max(status.level, DiagnosticStatus.WARN)
+        status.message = record.warning if nominal else f'{status.message}; {record.warning}'

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Protocol
 
@@ -15,6 +15,8 @@ from manifold_mpc_ros.config import AttitudeMpcConfig
 from manifold_mpc_ros.config_checks import FloatArray
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.errors import ManifoldMpcError
+from manifold_mpc_ros.mpc.monitor import PromiseMonitor
+from manifold_mpc_ros.mpc.promise import PromiseRecord
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 from manifold_mpc_ros.nodes.gate import NANOSECONDS, StateSample
 
@@ -57,6 +59,7 @@ class Command:
     mode: Mode
     reason: str
     solution: AttitudeMpcSolution | None = None
+    promise: PromiseRecord | None = None
 
     @property
     def source(self) -> str:
@@ -77,12 +80,14 @@ class ControlLoop:
         Age of the state above which the command is zero [s].
     initial_setpoint
         'identity', or 'hold' for the first attitude that comes.
+    monitor
+        Judges every tick, where there is one.
 
     """
 
     def __init__(
         self, solver: Solver, config: AttitudeMpcConfig, *, timeout_s: float,
-        initial_setpoint: str,
+        initial_setpoint: str, monitor: PromiseMonitor | None = None,
     ) -> None:
         """Start without a state, at the initial setpoint."""
         self._solver = solver
@@ -92,6 +97,7 @@ class ControlLoop:
         self._damping = config.inertia_kg_m2 / (DAMPING_STEPS * config.step_s)
         self._timeout_ns = round(timeout_s * NANOSECONDS)
         self._hold = initial_setpoint == 'hold'
+        self._monitor = monitor
         self.paused = False
         self.reset()
 
@@ -102,6 +108,7 @@ class ControlLoop:
         self.commanded = False
         self._torque_B_n_m = np.zeros(3)
         self._solver.reset()
+        self._void('reset')
 
     @property
     def state_stamp_ns(self) -> int | None:
@@ -112,12 +119,15 @@ class ControlLoop:
         """Take a state that passed the gate; the warm start ends where time started again."""
         if restarted:
             self._solver.reset()
+            self._void('time started again')
         self._sample = sample
         if self._R_ND is None:
             self._R_ND = sample.R_NB
 
     def aim(self, R_ND: FloatArray) -> None:
         """Take a commanded attitude that passed the gate."""
+        if self._R_ND is None or not np.array_equal(R_ND, self._R_ND):
+            self._void('the setpoint changed')
         self._R_ND = R_ND
         self.commanded = True
 
@@ -125,7 +135,23 @@ class ControlLoop:
         """Return the command of this tick; ``now_ns`` None (lockstep) means the state is new."""
         command = self._decide(now_ns)
         self._torque_B_n_m = command.torque_B_n_m
-        return command
+        return self._judged(command, command.stamp_ns if now_ns is None else now_ns)
+
+    def _judged(self, command: Command, time_ns: int) -> Command:
+        """Return the command with what the monitor says about the tick."""
+        if self._monitor is None:
+            return command
+        solution, nominal = command.solution, command.mode is Mode.NOMINAL
+        applied = solution is not None and nominal and np.array_equal(
+            command.torque_B_n_m, solution.torque_B_n_m)
+        return replace(command, promise=self._monitor.observe(
+            solution, time_s=time_ns / NANOSECONDS, applied=applied,
+            why_none='' if nominal else command.reason))
+
+    def _void(self, why: str) -> None:
+        """End the promise that the last plan made."""
+        if self._monitor is not None:
+            self._monitor.suspend(why)
 
     def _decide(self, now_ns: int | None) -> Command:
         """Return the mode's command."""
