@@ -72,7 +72,7 @@ def solve_riccati(linear: Linearisation) -> RiccatiSolution:
 def riccati_gain(linear: Linearisation, p: Array) -> Array:
     """Return ``K = -(B^T P B + R)^-1 (A^T P B + N)^T`` (m, n)."""
     a, b = linear.A, linear.B
-    return -np.linalg.solve(b.T @ p @ b + linear.R, (a.T @ p @ b + linear.N).T)
+    return -np.asarray(np.linalg.solve(b.T @ p @ b + linear.R, (a.T @ p @ b + linear.N).T))
 
 
 def riccati_residual(linear: Linearisation, p: Array) -> Array:

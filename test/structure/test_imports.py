@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The dependency direction of the modules, read from their import statements.
 
-``cli > nodes > sim > mpc > dynamics > lie > errors``: a module imports its own layer and those
-below it. ``config`` may import ``errors`` and ``lie``; the layers from ``dynamics`` up may import
+``cli > nodes > sim > mpc > problems > {theory, dynamics} > lie > errors``: a module imports its
+own layer and those below it. ``theory`` and ``dynamics`` do not know each other. ``config`` may
+import ``errors`` and ``lie``; ``dynamics`` and the layers from ``problems`` up may import
 ``config``; ``nodes`` and ``cli`` may use the package's public names.
 """
 
@@ -19,11 +20,12 @@ TOP = Path(__file__).parents[2]
 PACKAGE = 'manifold_mpc_ros'
 MODULES = sorted((TOP / PACKAGE).rglob('*.py'))
 
-LAYERS = ('errors', 'lie', 'dynamics', 'mpc', 'sim', 'nodes', 'cli')
+LAYERS = ('errors', 'lie', 'theory', 'dynamics', 'problems', 'mpc', 'sim', 'nodes', 'cli')
 MAY_IMPORT = {
     layer: set(LAYERS[:rank + 1]) | ({'config'} if rank >= LAYERS.index('dynamics') else set())
     for rank, layer in enumerate(LAYERS)
 }
+MAY_IMPORT['dynamics'].remove('theory')
 MAY_IMPORT['config'] = {'config', 'errors', 'lie'}
 MAY_IMPORT[''] = {*LAYERS, 'config'} - {'nodes', 'cli'}  # the package's own __init__
 MAY_IMPORT['nodes'].add('')
@@ -105,7 +107,12 @@ def test_imports_point_down() -> None:
     ('errors.py', 'import manifold_mpc_ros.lie.so3'),
     ('config.py', 'from manifold_mpc_ros.dynamics.lgvi import cayley_step'),
     ('dynamics/lgvi.py', 'from ..mpc.attitude_mpc import AttitudeMpc'),
-    ('mpc/terminal.py', 'def f():\n    from manifold_mpc_ros.sim.plant import Plant'),
+    ('theory/design.py', 'from manifold_mpc_ros.dynamics.lgvi import lgvi_step'),
+    ('theory/design.py', 'from manifold_mpc_ros.config import AttitudeMpcConfig'),
+    ('theory/level.py', 'from ..problems.attitude import attitude_problem'),
+    ('dynamics/symbolic.py', 'from manifold_mpc_ros.theory.manifold import Sphere'),
+    ('problems/attitude.py', 'from manifold_mpc_ros.mpc.scaling import Array'),
+    ('mpc/horizon.py', 'def f():\n    from manifold_mpc_ros.sim.plant import Plant'),
     ('sim/plant.py', 'from manifold_mpc_ros.nodes import simulator'),
     ('nodes/controller.py', 'from manifold_mpc_ros.cli import main'),
     ('mpc/horizon.py', 'from manifold_mpc_ros import AttitudeMpc'),
@@ -116,7 +123,7 @@ def test_imports_point_down() -> None:
     ('sim/closed_loop.py', 'import matplotlib.pyplot as plt'),
     ('nodes/controller.py', 'from rich.table import Table'),
     ('sim/plant.py', 'import time'),
-    ('mpc/terminal.py', 'from time import perf_counter'),
+    ('mpc/horizon.py', 'from time import perf_counter'),
 ])
 def test_a_wrong_import_is_found(path: str, source: str) -> None:
     assert len(violations(path, source)) == 1
@@ -125,6 +132,10 @@ def test_a_wrong_import_is_found(path: str, source: str) -> None:
 @pytest.mark.parametrize(('path', 'source'), [
     ('lie/so3.py', 'from ..errors import ManifoldMpcError\nimport numpy as np'),
     ('lie/so3.py', 'from . import symbolic'),
+    ('theory/manifold.py', 'from manifold_mpc_ros.lie.symbolic import quaternion_log'),
+    ('problems/attitude.py', 'from manifold_mpc_ros.dynamics.symbolic import cayley_step\n'
+                             'from manifold_mpc_ros.theory.problem import ManifoldProblem\n'
+                             'from manifold_mpc_ros.config import AttitudeMpcConfig'),
     ('mpc/attitude_mpc.py', 'import time'),
     ('config.py', 'from manifold_mpc_ros.config_checks import finite'),
     ('nodes/controller.py', 'import rclpy, time\nfrom manifold_mpc_ros import AttitudeMpc'),
