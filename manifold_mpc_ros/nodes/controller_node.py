@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import QuaternionStamped, WrenchStamped
+from geometry_msgs.msg import QuaternionStamped, Vector3Stamped, WrenchStamped
 from nav_msgs.msg import Odometry, Path
 from rclpy.duration import Duration
 from sensor_msgs.msg import Imu
@@ -18,6 +18,7 @@ from manifold_mpc_ros.config_parameters import Value
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.monitor import monitor_for
 from manifold_mpc_ros.mpc.promise import PromiseRecord, Verdict
+from manifold_mpc_ros.mpc.target import attitude_towards
 from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.gate import (
     NANOSECONDS,
@@ -25,6 +26,7 @@ from manifold_mpc_ros.nodes.gate import (
     Reason,
     Refusal,
     StateGate,
+    admit_direction,
     admit_setpoint,
 )
 from manifold_mpc_ros.nodes.managed_node import (
@@ -83,6 +85,11 @@ class AttitudeControllerNode(ManagedNode):
             self.create_subscription(
                 QuaternionStamped, 'attitude_setpoint', self._on_setpoint, INPUT_QOS),
         ]
+        pointing = config.mpc.target == 'pointing'
+        self._drawn_axis_B = config.mpc.pointing_axis_B if pointing else np.eye(3)[0]
+        if pointing:
+            self._inputs.append(self.create_subscription(
+                Vector3Stamped, 'direction_setpoint', self._on_direction, INPUT_QOS))
 
     def take_down(self) -> None:
         """Remove the interfaces; the solver goes with the loop."""
@@ -192,6 +199,18 @@ class AttitudeControllerNode(ManagedNode):
         else:
             self._loop.aim(admitted)
 
+    def _on_direction(self, message: Vector3Stamped) -> None:
+        """Point the axis along a commanded direction or count its refusal."""
+        if not self.active:
+            return
+        admitted = admit_direction(
+            message.header.frame_id, messages.vector_values(message.vector),
+            self._config.inertial_frame_id)
+        if isinstance(admitted, Refusal):
+            self.refusals.add('direction_setpoint', admitted)
+        else:
+            self._loop.aim(attitude_towards(self._config.mpc, admitted))
+
     def _on_tick(self) -> None:
         """Publish the command that is due."""
         self._publish(self._loop.tick(self._now_ns()))
@@ -208,7 +227,7 @@ class AttitudeControllerNode(ManagedNode):
         if command.solution is not None and self._prediction.get_subscription_count() > 0:
             self._prediction.publish(messages.to_path(
                 command.stamp_ns, self._config.mpc.step_s, command.solution.R_NB,
-                self._config.inertial_frame_id))
+                self._config.inertial_frame_id, self._drawn_axis_B))
 
     def _publish_again(self, stamp_ns: int) -> None:
         """Repeat the answer to a state that is repeated, to the bit."""

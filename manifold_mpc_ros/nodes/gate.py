@@ -34,6 +34,7 @@ class Reason(str, Enum):
     """Why a message was refused."""
 
     NON_FINITE = 'non_finite'
+    ZERO_DIRECTION = 'zero_direction'
     QUATERNION_NORM = 'quaternion_norm'
     WRONG_FRAME = 'wrong_frame'
     NO_ATTITUDE = 'no_attitude'
@@ -167,6 +168,24 @@ def admit_setpoint(
     refusal = (_wrong_frame(frame_id, inertial_frame_id, 'inertial')
                or _bad_quaternion(quaternion_xyzw))
     return _rotation(quaternion_xyzw) if refusal is None else refusal
+
+
+def admit_direction(
+    frame_id: str, direction_N: Vector, inertial_frame_id: str,
+) -> FloatArray | Refusal:
+    """Return the commanded direction as a unit vector, or why it must not be used.
+
+    Any length will do that has a direction: a vector to a target is one, the zero vector is none.
+    """
+    refusal = (_wrong_frame(frame_id, inertial_frame_id, 'inertial')
+               or _not_finite(direction_N, 'direction'))
+    if refusal is not None:
+        return refusal
+    largest = max(map(abs, direction_N))
+    if largest == 0.0:
+        return Refusal(Reason.ZERO_DIRECTION, 'the zero vector has no direction')
+    scaled = np.array(direction_N) / largest  # neither overflow nor underflow in the norm
+    return scaled / np.linalg.norm(scaled)
 
 
 def admit_torque(

@@ -116,8 +116,12 @@ def to_torque(stamp_ns: int, torque_B: FloatArray, body_frame_id: str) -> Wrench
 
 def from_torque(message: WrenchStamped) -> tuple[float, float, float]:
     """Return the torque of a wrench."""
-    torque = message.wrench.torque
-    return (torque.x, torque.y, torque.z)
+    return vector_values(message.wrench.torque)
+
+
+def vector_values(vector: Vector3) -> tuple[float, float, float]:
+    """Return the components x, y, z."""
+    return (vector.x, vector.y, vector.z)
 
 
 def to_vector(values: FloatArray) -> Vector3:
@@ -128,10 +132,11 @@ def to_vector(values: FloatArray) -> Vector3:
 
 def to_path(
     stamp_ns: int, step_s: float, attitudes: FloatArray, inertial_frame_id: str,
+    axis_B: Sequence[float] | FloatArray = (1.0, 0.0, 0.0),
 ) -> Path:
     """Return predicted attitudes (N+1, 3, 3) as poses with the stamps they are predicted for.
 
-    Each position is the tip of the body x axis, so that a viewer draws the slew as a curve on the
+    Each position is the tip of a body axis, so that a viewer draws the slew as a curve on the
     unit sphere about the origin.
     """
     path = Path()
@@ -142,7 +147,7 @@ def to_path(
         pose.header.frame_id = inertial_frame_id
         pose.header.stamp = to_stamp(stamp_ns + round(index * step_s * NANOSECONDS))
         pose.pose.orientation = to_quaternion(R_NB)
-        x, y, z = map(float, R_NB[:, 0])
+        x, y, z = map(float, R_NB @ np.asarray(axis_B))
         pose.pose.position = Point(x=x, y=y, z=z)
         path.poses.append(pose)
     return path

@@ -19,6 +19,7 @@ from manifold_mpc_ros.nodes.gate import (
     RefusalLog,
     StateGate,
     StateSample,
+    admit_direction,
     admit_setpoint,
     admit_torque,
 )
@@ -154,3 +155,24 @@ def test_refusals_are_counted_by_topic_and_reason() -> None:
     log.add('imu', Refusal(Reason.FUTURE, 'early'))
     assert log.counts == {'odometry.stale': 2, 'imu.future': 1}
     assert log.latest == 'imu: early'
+
+
+@pytest.mark.parametrize('size', [5e-324, 1e-200, 1.0, 1e200, 1.7e308])
+def test_a_direction_of_any_length_becomes_a_unit_vector(size: float) -> None:
+    found = admit_direction('inertial', (0.0, -size, size), 'inertial')
+    np.testing.assert_allclose(found, np.array([0.0, -1.0, 1.0]) / math.sqrt(2.0), rtol=1e-15)
+
+
+@pytest.mark.parametrize(('frame', 'vector', 'reason'), [
+    ('map', (1.0, 0.0, 0.0), Reason.WRONG_FRAME),
+    ('inertial', (0.0, 0.0, 0.0), Reason.ZERO_DIRECTION),
+    ('inertial', (0.0, -0.0, 0.0), Reason.ZERO_DIRECTION),
+    ('inertial', (math.nan, 0.0, 1.0), Reason.NON_FINITE),
+    ('inertial', (math.inf, 0.0, 1.0), Reason.NON_FINITE),
+])
+def test_what_is_no_direction_is_refused(
+    frame: str, vector: tuple[float, float, float], reason: Reason,
+) -> None:
+    found = admit_direction(frame, vector, 'inertial')
+    assert isinstance(found, Refusal)
+    assert found.reason is reason
