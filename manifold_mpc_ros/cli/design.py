@@ -7,6 +7,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
     from manifold_mpc_ros.mpc.horizon import HorizonReport
     from manifold_mpc_ros.theory.design import TerminalDesign
+    from manifold_mpc_ros.theory.existence import Existence
 
 SUMMARY = 'Print the terminal set, how it was checked and the smallest horizon of a controller.'
 EXAMPLES = """\
@@ -32,13 +34,18 @@ EXAMPLES = """\
 """
 # What stops the terminal set from being larger, in words.
 CONDITIONS = {
-    'chart': 'the chart ends, |Log g| < pi',
+    'chart': 'the chart ends, half a turn away',
     'torque': 'torque limit, |K xi| <= max_torque (8a)',
     'rate': 'rate limit, |omega| <= max_rate',
     'step': 'existence of the implicit step',
     'decrease': "decrease, F(xi') - F(xi) <= -L (8c)",
 }
-CHART_AXES = ('zeta x', 'zeta y', 'zeta z', 'omega x', 'omega y', 'omega z')
+# The chart of each target: what xi is, and the names of its coordinates.
+RATES = ('omega x', 'omega y', 'omega z')
+CHARTS = {
+    'attitude': ('(zeta, omega) = (Log g, Log f / h)', ('zeta x', 'zeta y', 'zeta z', *RATES)),
+    'pointing': ('(x, omega) = (E^T x, Log f / h)', ('x 1', 'x 2', *RATES)),
+}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -61,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
     console.print(f'Controller: {path}', soft_wrap=True, markup=False)
     with console.status('Designing the terminal set'):
         design = terminal_design(config)
-    _print_design(console, design)
+    _print_design(console, design, config.target)
     horizon = None
     if not arguments.no_horizon:
         horizon = _find_horizon(console, config)
@@ -73,14 +80,14 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _print_design(console: Console, design: TerminalDesign) -> None:
+def _print_design(console: Console, design: TerminalDesign, target: str) -> None:
     """Print matrices, level and checks."""
     from manifold_mpc_ros.cli import report
+    chart, axes = CHARTS[target]
     console.print(report.grid_table(
-        'P: terminal cost F = xi^T P xi / 2, xi = (zeta, omega) = (Log g, Log f / h)',
-        ('', *CHART_AXES), _rows(CHART_AXES, design.P)))
+        f'P: terminal cost F = xi^T P xi / 2, xi = {chart}', ('', *axes), _rows(axes, design.P)))
     console.print(report.grid_table(
-        'K: local law tau = K xi [N m]', ('', *CHART_AXES),
+        'K: local law tau = K xi [N m]', ('', *axes),
         _rows(('tau x', 'tau y', 'tau z'), design.K)))
     limiting = design.report.limiting
     console.print(report.grid_table(
@@ -91,12 +98,24 @@ def _print_design(console: Console, design: TerminalDesign) -> None:
     console.print(report.result_table('Checks, by closed forms and by samples', [
         ('c', f'{design.c:.6g}'),
         ('limited by', CONDITIONS.get(limiting, limiting)),
-        ('at rest, about any axis', f'inside up to {rest_angle_deg(design):.1f} deg at least'),
+        ('at rest, in any direction', f'inside up to {rest_angle_deg(design):.1f} deg at least'),
         ('worst (F+ - F + L) / L', f'{design.report.worst_decrease:.4g} over '
          f'{design.report.samples} states of the set (negative: F decreases by more than L)'),
         ('Riccati residual, relative', f'{design.riccati_residual:.2g}'),
         ('spectral radius of A + B K', f'{design.closed_loop_radius:.6g}'),
+        *_existence_rows(design.existence),
     ]))
+
+
+def _existence_rows(existence: Existence) -> list[tuple[str, str]]:
+    """Return what P needs to exist, and by how much it holds."""
+    return [
+        ('(A, B) stabilisable', f'smallest singular value {existence.reachability:.3g} over '
+         f'{existence.unstable_modes} modes that are not stable'),
+        ('symplectic pencil', f'{existence.pencil_distance:.3g} from the unit circle'),
+        ('Hessian of L, P', f'smallest over largest eigenvalue '
+         f'{existence.hessian_definiteness:.3g}, {existence.P_definiteness:.3g}'),
+    ]
 
 
 def _print_horizon(
@@ -129,8 +148,11 @@ def _find_horizon(console: Console, config: AttitudeMpcConfig) -> HorizonReport:
 
 
 def rest_angle_deg(design: TerminalDesign) -> float:
-    """Return the angle up to which rest attitudes about every axis are in the terminal set."""
-    steepest = float(np.linalg.eigvalsh(design.P[:3, :3])[-1])
+    """Return the angle up to which a body at rest is in the terminal set, turned any way.
+
+    The rates are the last three coordinates of either chart, the angles the others.
+    """
+    steepest = float(np.linalg.eigvalsh(design.P[:-3, :-3])[-1])
     return math.degrees(min(math.sqrt(design.c / steepest), math.pi))
 
 
@@ -146,10 +168,14 @@ def as_data(
         'tried': {str(n): count for n, count in horizon.tried.items()},
     }
     return {
+        'target': config.target,
         'P': design.P.tolist(),
         'K': design.K.tolist(),
         'A': design.A.tolist(),
         'B': design.B.tolist(),
+        'Q': design.Q.tolist(),
+        'R': design.R.tolist(),
+        'N': design.N.tolist(),
         'c': design.c,
         'limiting_condition': design.report.limiting,
         'levels': {name: level if math.isfinite(level) else None
@@ -159,6 +185,8 @@ def as_data(
         'rest_angle_deg': rest_angle_deg(design),
         'riccati_residual': design.riccati_residual,
         'closed_loop_radius': design.closed_loop_radius,
+        'existence': {name: value if math.isfinite(value) else None
+                      for name, value in asdict(design.existence).items()},
         'horizon': found,
     }
 

@@ -36,10 +36,13 @@ def test_the_json_holds_the_design(
     assert (status, err) == (0, '')
     data = json.loads((tmp_path / 'design.json').read_text(encoding='utf-8'))
     design = terminal_design(AttitudeMpcConfig.from_yaml(paper_like))
-    for name in ('A', 'B', 'P', 'K'):
+    for name in ('A', 'B', 'Q', 'R', 'N', 'P', 'K'):
         assert np.array_equal(data[name], getattr(design, name))
     assert data['c'] == design.c
     assert data['horizon'] is None
+    assert data['target'] == 'attitude'
+    assert data['existence']['pencil_distance'] == design.existence.pencil_distance
+    assert f'{design.existence.pencil_distance:.3g} from the unit circle' in out
     assert data['levels'].keys() == design.report.limits.keys()
     assert data['limiting_condition'] == design.report.limiting
     assert f'{design.c:.6g}' in out
@@ -68,6 +71,23 @@ def test_rest_angle_touches_the_terminal_set(paper_like: Path) -> None:
     assert np.isclose(angle**2 * eigenvalues[-1], design.c)
     worst = 1.001 * angle * axes[:, -1]
     assert worst @ design.P[:3, :3] @ worst > design.c
+
+
+def test_the_design_of_a_pointing_controller(
+    command: Command, write_config: Callable[..., Path], tmp_path: Path,
+) -> None:
+    path = write_config('controller', target='pointing')
+    status, out, err = command('design', '--controller-config', path, '--no-horizon',
+                               '--json', tmp_path / 'design.json')
+    assert (status, err) == (0, '')
+    data = json.loads((tmp_path / 'design.json').read_text(encoding='utf-8'))
+    design = terminal_design(AttitudeMpcConfig.from_yaml(path))
+    assert data['target'] == 'pointing'
+    assert np.array_equal(data['P'], design.P)
+    assert np.shape(data['K']) == (3, 5)
+    assert 'E^T x' in out
+    assert data['rest_angle_deg'] == pytest.approx(
+        np.degrees(np.sqrt(design.c / np.linalg.eigvalsh(design.P[:2, :2])[-1])))
 
 
 @pytest.mark.parametrize(('smallest', 'word'), [(7, '(enough)'), (31, '(NOT enough')])
