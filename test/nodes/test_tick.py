@@ -32,12 +32,15 @@ class Script:
     """A solver whose answer the test writes."""
 
     def __init__(self) -> None:
-        self.torque = np.array([0.1, -0.1, 0.05])
-        self.status = SolveStatus.CONVERGED
-        self.error: Exception | None = None
+        self.repair()
         self.resets = 0
         self.setpoints: list[np.ndarray | None] = []
         self.states: list[tuple[np.ndarray, np.ndarray]] = []
+
+    def repair(self) -> None:
+        self.torque = np.array([0.1, -0.1, 0.05])
+        self.status = SolveStatus.CONVERGED
+        self.error: Exception | None = None
 
     def reset(self) -> None:
         self.resets += 1
