@@ -70,9 +70,11 @@ def direction_log(gamma: ca.SX, axis: ca.SX, across: ca.SX) -> ca.SX:
 
     ``x = angle (gamma x axis) / |gamma x axis|``: the roll-free rotation of a body whose axis
     should meet the direction gamma. At the antipode, where every axis across will do, x is
-    ``pi across`` (``across`` a unit vector normal to the axis).
+    ``pi across`` (``across`` a unit vector normal to the axis). Beside it rounding turns the
+    cross product into the axis, which is taken out again: x has no roll and its full length.
     """
-    normal, cosine = ca.cross(gamma, axis), ca.dot(gamma, axis)
+    crossed, cosine = ca.cross(gamma, axis), ca.dot(gamma, axis)
+    normal = crossed - ca.dot(crossed, axis) * axis
     squared = ca.dot(normal, normal)
     near = ca.logic_and(squared < _SMALL, cosine > 0)
     antipode = ca.logic_and(squared <= _ANTIPODE, cosine < 0)
