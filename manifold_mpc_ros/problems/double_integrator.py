@@ -37,4 +37,4 @@ def double_integrator_problem(
         state_units=np.array([1.0, 1 / h]), control_units=np.array([1 / h ** 2]),
         control_limits=None if max_input is None else np.array([max_input]),
         state_limits={} if max_velocity is None else {
-            'velocity': lambda x: ca.fabs(x[1]) / max_velocity - 1})
+            'velocity': lambda x: ca.vertcat(x[1], -x[1]) / max_velocity - 1})

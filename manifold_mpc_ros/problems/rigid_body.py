@@ -89,10 +89,11 @@ class RigidBody:
                 + quadratic(self.torque_hessian, torque) / 2)
 
     def rate_limits(self, step: ca.SX) -> ca.SX:
-        """Return ``|omega_i| / max_rate_i - 1`` of the limited axes."""
+        """Return ``+-omega_i / max_rate_i - 1`` of the limited axes: smooth, unlike |omega_i|."""
         axes = np.flatnonzero(np.isfinite(self.max_rate)).tolist()
         rate = self.rate(step)
-        return ca.vertcat(*(ca.fabs(rate[i]) / self.max_rate[i] - 1 for i in axes))
+        return ca.vertcat(*(sign * rate[i] / self.max_rate[i] - 1
+                            for i in axes for sign in (1, -1)))
 
     @property
     def limited(self) -> bool:

@@ -35,7 +35,8 @@ class ManifoldProblem:
     control_name
         What reports call that box.
     state_limits
-        By name, g with ``g(x) <= 0`` (each entry) where the state is admissible.
+        By name, g with ``g(x) <= 0`` (each entry) where the state is admissible; smooth, so
+        ``+-x - limit`` rather than ``|x| - limit``, whose kink no optimiser gets past.
     existence
         (x, u) -> a number below 1 wherever f is guaranteed to exist; None when it always is.
     state_units, control_units
