@@ -21,8 +21,8 @@ from manifold_mpc_ros.theory.manifold import Array
 # Modes of A with a modulus above 1 less this count as not stable; an eigenvalue of the pencil
 # this near to the unit circle as on it (a double one is found to the root of rounding).
 _CIRCLE = 1e-6
-# Singular values and eigenvalues below this part of the largest count as zero.
-_ZERO = 1e-11
+# An eigenvalue of the Hessian below this part of the largest counts as zero.
+_ZERO = 1e-13
 
 
 @dataclass(frozen=True)
@@ -55,8 +55,13 @@ def check_existence(linear: Linearisation) -> Existence:
 
     """
     modes, reachability = _check_stabilisable(linear)
+    definiteness = _definiteness(linear)
+    if definiteness < -_ZERO:
+        raise _not_definite(linear)
     distance = _check_pencil(linear)
-    return Existence(linear.drift, modes, reachability, distance, _check_definite(linear))
+    if not definiteness > _ZERO:
+        raise _not_definite(linear)
+    return Existence(linear.drift, modes, reachability, distance, definiteness)
 
 
 def symplectic_pencil(linear: Linearisation) -> tuple[Array, Array]:
@@ -109,24 +114,27 @@ def _check_pencil(linear: Linearisation) -> float:
     return float(distance[at])
 
 
-def _check_definite(linear: Linearisation) -> float:
+def _definiteness(linear: Linearisation) -> float:
     """Return smallest over largest eigenvalue of the Hessian of L'.
 
     The whole Hessian, on all (xi, eta), in the chart of M: paper (3b) asks L > 0 for each state
     but x_e. A problem with a free direction satisfies it on the manifold with that direction
     divided out, as pointing does on S^2 with the roll gone, and on no other.
     """
+    values = np.linalg.eigvalsh(linear.hessian())
+    return float(values[0] / max(abs(values[0]), abs(values[-1]), 1e-300))
+
+
+def _not_definite(linear: Linearisation) -> DesignError:
+    """Return the error that names the direction in which the Hessian is not positive."""
     n = len(linear.A)
     values, vectors = np.linalg.eigh(linear.hessian())
-    ratio = float(values[0] / values[-1])
-    if not (values[-1] > 0 and ratio > _ZERO):
-        worst = vectors[:, 0]
-        raise DesignError(
-            'the Hessian [[Q, N], [N^T, R]] of L at the equilibrium is not positive definite: '
-            f'its smallest eigenvalue is {values[0]:.3g} (the largest is {values[-1]:.3g}), '
-            f'along xi = {_direction(worst[:n])}, eta = {_direction(worst[n:])}; the Riccati '
-            'equation needs a stage cost that weighs every state and every input')
-    return ratio
+    worst = _turned(vectors[:, 0])
+    return DesignError(
+        'the Hessian [[Q, N], [N^T, R]] of L at the equilibrium is not positive definite: '
+        f'its smallest eigenvalue is {values[0]:.3g} (the largest is {values[-1]:.3g}), '
+        f'along xi = {_text(worst[:n])}, eta = {_text(worst[n:])}; the Riccati equation needs '
+        'a stage cost that weighs every state and every input')
 
 
 def _number(value: complex) -> str:
@@ -135,8 +143,17 @@ def _number(value: complex) -> str:
     return f'{value.real:.6g}' if real else f'{value.real:.6g}{value.imag:+.6g}j'
 
 
+def _turned(vector: Array) -> Array:
+    """Return a (complex) direction with its largest entry real and positive, real parts only."""
+    largest = vector[int(np.argmax(np.round(np.abs(vector), 9)))]
+    return np.asarray(np.real(vector * np.conj(largest) / max(abs(largest), 1e-300)))
+
+
+def _text(vector: Array) -> str:
+    """Return a vector as text."""
+    return '(' + ', '.join(f'{value:.3g}' for value in np.round(vector, 6) + 0.0) + ')'
+
+
 def _direction(vector: Array) -> str:
-    """Return a (complex) direction as text, its largest entry made real and positive."""
-    largest = vector[int(np.argmax(np.abs(vector)))]
-    turned = np.real(vector * np.conj(largest) / max(abs(largest), 1e-300))
-    return '(' + ', '.join(f'{value:.3g}' for value in np.round(turned, 6) + 0.0) + ')'
+    """Return a (complex) direction as text."""
+    return _text(_turned(vector))
