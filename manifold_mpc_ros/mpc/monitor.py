@@ -28,16 +28,17 @@ HOLD_TICKS = 5
 #: Two ticks whose distance is off one step by more than this part of it do not follow each other.
 LARGEST_JITTER = 0.5
 
-_CAUSE = 'a disturbance, or a plant that differs from the model'
+_CAUSE = 'a disturbance, a torque that came late, or a plant that differs from the model'
 
 
 @dataclass(frozen=True)
 class _Promise:
-    """A promise in force: V - L, the L in it, and when it was made [s]."""
+    """A promise in force: V - L, the L in it, when it was made and how late its torque was."""
 
     value: float
     decrease: float
     time_s: float
+    delay_s: float
 
 
 class PromiseMonitor:
@@ -76,7 +77,8 @@ class PromiseMonitor:
             self._promise, self._why_none = None, why
 
     def observe(
-        self, plan: Plan | None, *, time_s: float, applied: bool = True, why_none: str = '',
+        self, plan: Plan | None, *, time_s: float, delay_s: float = 0.0, applied: bool = True,
+        why_none: str = '',
     ) -> PromiseRecord:
         """Return the record of one tick.
 
@@ -86,6 +88,8 @@ class PromiseMonitor:
             The answer to this tick's state; None when the solver was not asked or did not answer.
         time_s
             When [s], on any clock.
+        delay_s
+            How long after that the torque is in force [s].
         applied
             Whether the plan's first torque is what is commanded, unchanged, until the next tick.
         why_none
@@ -103,7 +107,12 @@ class PromiseMonitor:
             record = self._judge(record, plan, inside, time_s)
         elif self._promise is not None:
             record = replace(record, reason='a tick is missing or out of time')
-        self._make(plan if inside else None, time_s, applied=applied, why_none=why_none)
+        if plan is None or not inside:
+            self.suspend(why_none or 'the last state was outside the domain of attraction')
+        elif not applied:
+            self.suspend(why_none or 'not the torque of the plan was commanded')
+        else:
+            self._promise_from(plan, time_s, delay_s)
         outside = plan is not None and self._certified and not inside
         self.counters = replace(
             record.counters, made=record.counters.made + (self._promise is not None),
@@ -134,9 +143,8 @@ class PromiseMonitor:
         excess = record.value - promise.value
         relative = excess / max(promise.decrease, tolerance.floor)
         record = replace(record, excess=excess, relative_excess=relative)
-        slack = tolerance.slack(
-            promise.value, promise.decrease, (time_s - promise.time_s) / self._step_s)
-        if excess <= slack:
+        off_s = abs(time_s - promise.time_s - self._step_s) + 2.0 * promise.delay_s
+        if excess <= tolerance.slack(promise.value, promise.decrease, off_s / self._step_s):
             return replace(record, verdict=Verdict.KEPT)
         early = '' if plan.status == SolveStatus.CONVERGED else 'a plan that has not converged, '
         return self._broken(record, f'{_fall(excess, promise.decrease)}: {early}{_CAUSE}')
@@ -150,15 +158,15 @@ class PromiseMonitor:
         return replace(record, verdict=Verdict.BROKEN, reason=reason, counters=replace(
             counters, broken=counters.broken + 1, largest_excess=largest))
 
-    def _make(self, plan: Plan | None, time_s: float, *, applied: bool, why_none: str) -> None:
-        """Put this tick's promise in force, if it makes one."""
-        if plan is None or not math.isfinite(plan.promised_cost):
-            self.suspend(why_none or 'the last state was outside the domain of attraction')
-        elif not applied:
-            self.suspend(why_none or 'not the torque of the plan was commanded')
+    def _promise_from(self, plan: Plan, time_s: float, delay_s: float) -> None:
+        """Put the promise of a plan in force, if its torque is."""
+        promised = float(plan.promised_cost)
+        if not math.isfinite(promised):
+            self.suspend('the last plan promised nothing')
+        elif delay_s > LARGEST_JITTER * self._step_s:
+            self.suspend('the last torque came late')
         else:
-            promised = float(plan.promised_cost)
-            self._promise = _Promise(promised, float(plan.cost) - promised, time_s)
+            self._promise = _Promise(promised, float(plan.cost) - promised, time_s, delay_s)
 
     def _warned(self, record: PromiseRecord) -> PromiseRecord:
         """Return the record with the warning that is due."""

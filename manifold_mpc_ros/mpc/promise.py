@@ -49,11 +49,13 @@ class Tolerance:
 
     A value V kept its promise W = V_last - L when
 
-        V <= (sqrt(W) + sqrt(floor))^2 + (decrease + |T/h - 1|) L,     T the time since.
+        V <= (sqrt(W) + sqrt(floor))^2 + (decrease + |T - h| / h + 2 D / h) L,
 
-    ``decrease`` is the part of L that may be missing: relaxed dynamic programming, V <= V_last -
-    (1 - decrease) L, which still proves convergence. A tick that comes early by a part of the
-    step has that part of L missing. ``floor`` is the value of a state error e that is nobody's
+    T the time since and D the delay of the torque. ``decrease`` is the part of L that may be
+    missing: relaxed dynamic programming, V <= V_last - (1 - decrease) L, which still proves
+    convergence. A tick that comes early by a part of the step has that part of L missing; from
+    rest, a torque that is late by a part of it lacks that part of the rate and twice that of the
+    angle. ``floor`` is the value of a state error e that is nobody's
     fault: near the equilibrium V is half a squared norm, so e raises sqrt(V) by sqrt(F(e)) at
     most. ``floor`` is above zero.
     """
@@ -61,9 +63,9 @@ class Tolerance:
     decrease: float
     floor: float
 
-    def slack(self, promised: float, last_decrease: float, steps: float) -> float:
-        """Return how far a value may be above W = ``promised`` after so many steps' time."""
-        part = self.decrease + abs(steps - 1.0)
+    def slack(self, promised: float, last_decrease: float, off: float) -> float:
+        """Return how far a value may be above W; ``off`` is ``|T - h| / h + 2 D / h``."""
+        part = self.decrease + off
         return (2.0 * math.sqrt(max(promised, 0.0) * self.floor) + self.floor
                 + VALUE_ROUNDING * abs(promised) + part * last_decrease)
 

@@ -135,17 +135,22 @@ class ControlLoop:
         """Return the command of this tick; ``now_ns`` None (lockstep) means the state is new."""
         command = self._decide(now_ns)
         self._torque_B_n_m = command.torque_B_n_m
-        return self._judged(command, command.stamp_ns if now_ns is None else now_ns)
+        return self._judged(command, now_ns)
 
-    def _judged(self, command: Command, time_ns: int) -> Command:
-        """Return the command with what the monitor says about the tick."""
+    def _judged(self, command: Command, now_ns: int | None) -> Command:
+        """Return the command with what the monitor says about the tick.
+
+        In lockstep time waits for the torque; else it is late by the time that the plan took.
+        """
         if self._monitor is None:
             return command
         solution, nominal = command.solution, command.mode is Mode.NOMINAL
         applied = solution is not None and nominal and np.array_equal(
             command.torque_B_n_m, solution.torque_B_n_m)
+        delay_s = 0.0 if now_ns is None or solution is None else solution.solve_time_s
+        time_ns = command.stamp_ns if now_ns is None else now_ns
         return replace(command, promise=self._monitor.observe(
-            solution, time_s=time_ns / NANOSECONDS, applied=applied,
+            solution, time_s=time_ns / NANOSECONDS, delay_s=delay_s, applied=applied,
             why_none='' if nominal else command.reason))
 
     def _void(self, why: str) -> None:

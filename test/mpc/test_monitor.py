@@ -66,7 +66,7 @@ def test_a_broken_promise_says_by_how_much() -> None:
     assert (record.excess, record.relative_excess) == (0.5, 0.25)
     assert record.reason == record.warning == (
         'the value function fell 25 % less than promised (by 1.5, not 2): '
-        'a disturbance, or a plant that differs from the model')
+        'a disturbance, a torque that came late, or a plant that differs from the model')
     assert record.counters.broken == 1
     assert record.counters.largest_excess == 0.25
 
@@ -150,6 +150,16 @@ def test_an_early_tick_may_have_that_much_of_the_decrease_missing() -> None:
         watch.observe(FIRST, time_s=0.0)
         record = watch.observe(Answer(value, 7.0), time_s=(1.0 - early) * STEP_S)
         assert record.verdict is verdict
+
+
+def test_a_late_torque_may_have_twice_its_part_of_the_decrease_missing() -> None:
+    for late, value, verdict in ((0.0, 8.5, Verdict.BROKEN), (0.1, 8.5, Verdict.KEPT),
+                                 (0.1, 8.7, Verdict.BROKEN), (0.6, 20.0, Verdict.NONE)):
+        watch = monitor()
+        watch.observe(FIRST, time_s=0.0, delay_s=late * STEP_S)
+        record = watch.observe(Answer(value, 7.0), time_s=STEP_S)
+        assert record.verdict is verdict
+    assert record.reason == 'the last torque came late'
 
 
 def test_without_the_terminal_set_nothing_is_promised() -> None:

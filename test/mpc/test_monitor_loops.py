@@ -53,7 +53,7 @@ def body(mpc: AttitudeMpc, *, inertia: float = 1.0, disturbance: Any = (0.0, 0.0
 
 
 def watched(mpc: AttitudeMpc, state: tuple[Array, Array], move: Move, *, jitter_s: float = 0.0,
-            noise: float = 0.0, **changes: float) -> list[PromiseRecord]:
+            noise: float = 0.0, delay_s: float = 0.0, **changes: float) -> list[PromiseRecord]:
     """Return the records of a closed loop from a cold start, with jitter of the ticks."""
     mpc.reset()
     monitor, rng = watch_over(mpc, **changes), generator('watched')
@@ -62,7 +62,7 @@ def watched(mpc: AttitudeMpc, state: tuple[Array, Array], move: Move, *, jitter_
     for _ in range(TICKS):
         plan = mpc.solve(R @ so3.exp(noise * rng.normal(size=3)),
                          omega + noise * rng.normal(size=3))
-        records.append(monitor.observe(plan, time_s=time_s))
+        records.append(monitor.observe(plan, time_s=time_s, delay_s=delay_s))
         step_s = h + jitter_s * rng.uniform(-1.0, 1.0)
         R, omega = move(R, omega, plan.torque_B_n_m, step_s)
         time_s += step_s
@@ -133,6 +133,27 @@ def test_a_constant_disturbance_is_warned_of(controller: Make, size: float) -> N
         assert broken(records)
         assert all(record.verdict is Verdict.BROKEN for record in records[-5:])
         assert records[-1].relative_excess == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize(('late_s', 'fewest'), [(0.05, 1), (0.15, 5)])
+def test_a_late_torque_is_not_warned_of_when_it_is_known(
+        controller: Make, late_s: float, fewest: int) -> None:
+    """The last torque acts on until the new one comes, as when a search takes long."""
+    mpc = controller(**CERTIFIED)
+
+    def slow() -> Move:
+        move, last = body(mpc), [np.zeros(3)]
+
+        def late(R: Array, omega: Array, tau: Array, time_s: float) -> tuple[Array, Array]:
+            R, omega = move(R, omega, last[0], late_s)
+            last[0] = tau
+            return move(R, omega, tau, time_s - late_s)
+        return late
+
+    told = [watched(mpc, state, slow(), delay_s=late_s) for state in STATES]
+    untold = [watched(mpc, state, slow()) for state in STATES]
+    assert [broken(records) for records in told] == [[]] * len(STATES)
+    assert sum(bool(broken(records)) for records in untold) >= fewest
 
 
 def test_noise_within_what_is_declared_is_not_warned_of(controller: Make) -> None:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 NODE = 'attitude_controller'
 BY_HAND = {'lockstep': True, 'autostart': False}
 INERTIA = (1.0, 0.9, 0.6)
-CAUSE = 'a disturbance, or a plant that differs from the model'
+CAUSE = 'a disturbance, a torque that came late, or a plant that differs from the model'
 
 
 def start(rig: Rig, plant: dict[str, Any] | None = None, **controller: Any) -> Process:
