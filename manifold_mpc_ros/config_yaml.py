@@ -70,23 +70,35 @@ def check_parameter_file(path: str | Path) -> None:
             raise ConfigurationError(f'{section}.{_PARAMETERS}', parameters, 'nested keys')
 
 
-def _read(path: str | Path) -> Mapping[str, Any]:
-    """Return the top-level mapping of a YAML file."""
+def read_text(path: str | Path, what: str) -> str:
+    """Return the text of a file; ``what`` it is names it in the ConfigurationError otherwise."""
     try:
-        text = Path(path).read_text(encoding='utf-8')
+        return Path(path).read_text(encoding='utf-8')
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else 'not UTF-8 text'
-        raise ConfigurationError(
-            'parameter file', str(path), f'a readable YAML file ({reason})') from None
+        raise ConfigurationError(what, str(path), f'a readable YAML file ({reason})') from None
+
+
+def parse_mapping(text: str, what: str, source: str) -> Mapping[str, Any]:
+    """Return the top-level mapping of YAML text; raises ConfigurationError naming ``source``."""
     try:
         document = yaml.load(text, Loader=_Loader)
     except yaml.YAMLError as error:
         raise ConfigurationError(
-            'parameter file', str(path),
-            'valid YAML (' + ' '.join(str(error).split()) + ')') from None
+            what, source, 'valid YAML (' + ' '.join(str(error).split()) + ')') from None
     if not isinstance(document, Mapping):
-        raise ConfigurationError(str(path), document, 'a ROS parameter file (nested keys)')
+        raise ConfigurationError(source, document, f'a {what} (nested keys)')
     return document
+
+
+def flatten_parameters(tree: Mapping[str, Any]) -> dict[str, Any]:
+    """Return nested groups of parameters as one level with dotted names, as ROS has them."""
+    return _flatten(tree, '')
+
+
+def _read(path: str | Path) -> Mapping[str, Any]:
+    """Return the top-level mapping of a ROS parameter file."""
+    return parse_mapping(read_text(path, 'parameter file'), 'ROS parameter file', str(path))
 
 
 def _sections(tree: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:

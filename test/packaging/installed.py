@@ -56,8 +56,8 @@ def found_by_ros2_run(prefix: Path) -> set[str]:
 
 def shipped(folder: Path) -> dict[str, bytes]:
     """Return name and content of package.xml and of the configuration and launch files."""
-    files = [folder / 'package.xml', *folder.glob('config/*'), *folder.glob('launch/*.py')]
-    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in files}
+    files = [folder / 'package.xml', *folder.glob('config/**/*'), *folder.glob('launch/*.py')]
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in files if p.is_file()}
 
 
 def starts_and_stops(command: Sequence[str | Path], parameters: Path, **variables: str) -> None:
