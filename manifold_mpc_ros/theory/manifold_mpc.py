@@ -10,7 +10,7 @@ same problem and is tested against this one.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from itertools import product
 from typing import Protocol
@@ -25,10 +25,10 @@ from manifold_mpc_ros.theory.problem import ManifoldProblem
 
 # A start whose roll-out leaves the domain of f is tried again with its controls scaled by these.
 GAIN_SCALES = (1.0, 0.5, 0.25, 0.125, 0.0)
-# Plans whose values agree to this (relative) are equal; the earliest start then decides.
+# Plans whose values agree to this are equal; the earliest start then decides.
 TIE = 1e-8
-# A warm plan is kept while its value exceeds the promised one by no more than this (relative).
-PROMISE = 1e-4
+# A warm plan is kept while its value exceeds the promised one by no more than this.
+PROMISE = 1e-6
 # With at most so many controls the corners of the control box are starts, otherwise random ones.
 MOST_CORNERS = 4
 
@@ -123,12 +123,13 @@ class ManifoldMpc:
         best = None
         if self._last is not None and np.isfinite(self._last.value):
             best, tried = self._improve_shifted(point, self._last.plan), 1
-            bound = self._last.promised + PROMISE * max(abs(self._last.promised), TIE)
+            bound = self._last.promised + PROMISE * max(self._last.promised, self.ocp.cost_unit)
             if best.feasible and best.value <= bound:
                 return self._keep(best, tried)
         for guess in self.starts(point):
             bound = best.value if best is not None and best.feasible else np.inf
-            best = _better(best, self.ocp.solve(point, guess, bound=bound))
+            best = _better(
+                best, self.ocp.solve(point, guess, bound=bound), self.ocp.cost_unit)
             tried += 1
         assert best is not None
         return self._keep(best, tried)
@@ -176,7 +177,8 @@ class ManifoldMpc:
         """Return the better of the shifted plan and what the optimiser makes of it."""
         appended = self.local_law(last.states[-1])
         shifted = self.ocp.roll_out(state, np.vstack([last.controls[1:], appended]))
-        return _better(shifted, self.ocp.solve(state, shifted, near=True))
+        improved = self.ocp.solve(state, shifted, near=True)
+        return _better(shifted, improved, self.ocp.cost_unit)
 
     def _keep(self, plan: Plan, tried: int) -> ManifoldSolution:
         """Return a plan as the solution and remember it."""
@@ -220,14 +222,19 @@ def run_on_manifold(mpc: ManifoldMpc, state: ArrayLike, steps: int) -> ManifoldL
         np.array([s.value for s in solutions]), tuple(s.status for s in solutions))
 
 
-def _better(one: Plan | None, other: Plan) -> Plan:
-    """Return the better of two plans: feasible first, then the cheaper, ties to the first."""
-    if one is None or not one.feasible:
-        worse = one is None or other.feasible or other.violation < one.violation
-        return other if worse or one is None else one
-    if not other.feasible:
-        return one
-    margin = TIE * max(abs(one.value), 1e-300)
-    cheaper = other.value < one.value - margin
-    confirms = other.success and not one.success and other.value <= one.value + margin
-    return other if cheaper or confirms else one
+def _better(one: Plan | None, other: Plan, unit: float) -> Plan:
+    """Return the better of two plans: feasible first, then the cheaper, ties to the first.
+
+    Ties are relative, and absolute below a cost ``unit``. An optimum that is worth as much as
+    the first plan confirms it.
+    """
+    if one is None:
+        return other
+    if not (one.feasible and other.feasible):
+        return other if other.feasible or (
+            not one.feasible and other.violation < one.violation) else one
+    margin = TIE * max(abs(one.value), unit)
+    if other.value < one.value - margin:
+        return other
+    confirmed = one.success or (other.success and other.value <= one.value + margin)
+    return replace(one, success=confirmed)

@@ -69,11 +69,14 @@ class OptimalControlProblem:
 
     def __init__(self, problem: ManifoldProblem, horizon: int, P: ArrayLike,
                  level: float | None) -> None:
-        """Write the problem down with the initial state as its parameter."""
+        """Write the problem down with the initial state as its parameter.
+
+        ``cost_unit`` is the terminal cost at a typical state, by which the cost is scaled.
+        """
         self.problem, self.horizon = problem, horizon
         self._P, self._level = np.asarray(P, dtype=float), level
         units = np.asarray(problem.state_units, dtype=float)
-        self._cost_unit = float(np.diag(self._P) @ units ** 2)
+        self.cost_unit = float(np.diag(self._P) @ units ** 2)
         self._node_units = _node_units(problem)
         self._solvers: dict[tuple[bool, bool], tuple[ca.Function, dict[str, Array]]] = {}
         self._write_functions()
@@ -199,7 +202,7 @@ class OptimalControlProblem:
         bounds = {'lbx': np.concatenate([-box, -free]), 'ubx': np.concatenate([box, free]),
                   'lbg': np.concatenate([zero, none]), 'ubg': np.concatenate([zero, high])}
         nlp = {'x': ca.vertcat(ca.vec(scaled_controls), ca.vec(scaled_nodes)), 'p': start,
-               'f': (ca.sum2(costs) + terminal) / self._cost_unit, 'g': ca.vertcat(match, *rows)}
+               'f': (ca.sum2(costs) + terminal) / self.cost_unit, 'g': ca.vertcat(match, *rows)}
         return nlp, bounds
 
 
