@@ -23,8 +23,8 @@ Array: TypeAlias = NDArray[Any]
 RELATIVE, ABSOLUTE = 1e-6, 1e-9
 # A turn that changes more often than this chatters.
 MOST_CHANGES = 1
-# A limit counts as exceeded beyond these parts of it. The solver's own: torques are clipped,
-# rates are constraints.
+# A limit counts as exceeded beyond these parts of it: the solver keeps torques strictly inside,
+# and rates within its tolerance.
 TORQUE_MARGIN, RATE_MARGIN = 1e-9, 1e-6
 
 

@@ -27,8 +27,9 @@ from manifold_mpc_ros.sim.campaign_outcome import Outcome, judge
 
 MakeController: TypeAlias = Callable[[AttitudeMpcConfig, str], PlanningController]
 
-# Cases that a worker takes at a time: a second or so, which is what an interrupt waits for.
-CHUNK = 16
+# Cases that a worker takes at a time, a fraction of a second. An interrupt waits for the chunks
+# that are being run and for the few that are already on their way to a worker.
+CHUNK = 4
 
 
 class CampaignError(ManifoldMpcError):
