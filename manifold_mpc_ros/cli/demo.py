@@ -139,6 +139,8 @@ def _finish(
         ('messages seen', f'{len(error_rad)} states, {len(recording.torque_B_n_m)} torques'),
         ('last solve', ', '.join(f'{key} {solver[key]}' for key in (
             'solver_status', 'iterations', 'solve_time_us') if key in solver) or 'unknown'),
+        ('promises broken', f'{solver.get("promises_broken", "unknown")} of '
+         f'{solver.get("promises_checked", "unknown")} (decrease of the value function)'),
         ('exit status', ', '.join(f'{name} {status}' for name, status in exits.items())),
     ]))
     report.say_written(console, _write(recording, error_rad, settled_s, config, arguments))
