@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     shared.add_controller_config(parser)
     parser.add_argument(
         '--no-horizon', action='store_true',
-        help='do not search the smallest horizon from which every attitude at rest is feasible')
+        help='do not search the smallest horizon from which sampled states at rest are feasible')
     parser.add_argument(
         '--json', type=Path, metavar='FILE', help='write everything to a file as well')
 
@@ -71,7 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
     _print_design(console, design, config.target)
     horizon = None
     if not arguments.no_horizon:
-        horizon = _find_horizon(console, config)
+        horizon = _find_horizon(console, config, design)
         _print_horizon(console, horizon, config)
     if arguments.json is not None:
         text = json.dumps(as_data(config, design, horizon), indent=2, allow_nan=False)
@@ -128,15 +128,17 @@ def _print_horizon(
     enough = horizon.smallest <= config.horizon
     console.print(report.result_table('Horizon', [
         ('smallest N', f'{horizon.smallest} ({horizon.smallest * config.step_s:g} s) makes each '
-         f'of {horizon.attitudes} attitudes at rest feasible'),
-        ('hardest attitude', f'{angle_deg:.0f} deg about {axis}'),
+         f'of {horizon.attitudes} sampled states at rest feasible'),
+        ('hardest of them', f'{angle_deg:.0f} deg about {axis}'),
         ('configured N', f'{config.horizon} '
-         + ('(enough)' if enough else '(NOT enough: from some attitudes at rest no plan ends in '
-            'the terminal set)')),
+         + ('(enough)' if enough else '(NOT enough: from some states at rest no plan was found '
+            'that ends in the terminal set)')),
     ]))
 
 
-def _find_horizon(console: Console, config: AttitudeMpcConfig) -> HorizonReport:
+def _find_horizon(
+    console: Console, config: AttitudeMpcConfig, design: TerminalDesign,
+) -> HorizonReport:
     """Search the smallest horizon, saying what is being tried."""
     from manifold_mpc_ros.mpc.horizon import smallest_horizon
     with console.status('Searching the smallest horizon') as status:
@@ -144,7 +146,7 @@ def _find_horizon(console: Console, config: AttitudeMpcConfig) -> HorizonReport:
             status.update(f'Searching the smallest horizon: {line}')
             if not console.is_terminal:
                 console.print(line)
-        return smallest_horizon(config, progress=progress)
+        return smallest_horizon(config, terminal=design, progress=progress)
 
 
 def rest_angle_deg(design: TerminalDesign) -> float:

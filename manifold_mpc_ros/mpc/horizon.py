@@ -18,6 +18,7 @@ from manifold_mpc_ros.mpc.domain import LARGEST_HORIZON, NONE, Round, Settings, 
 from manifold_mpc_ros.mpc.domain_states import States, half_turns, uniform_states
 from manifold_mpc_ros.mpc.scaling import Array
 from manifold_mpc_ros.problems.registry import terminal_design
+from manifold_mpc_ros.theory.design import TerminalDesign
 
 # Axes of exact half turns beside x, y and z, and points of the uniform grid.
 _HALF_TURNS, _GRID = 30, 100
@@ -46,9 +47,11 @@ def rest_states(config: AttitudeMpcConfig) -> list[States]:
     return [half_turns(config, _HALF_TURNS), uniform_states(config, _GRID)]
 
 
-def smallest_horizon(config: AttitudeMpcConfig, *, largest: int = LARGEST_HORIZON,
-                     cache_dir: str | Path | None = None, progress: Progress | None = None
-                     ) -> HorizonReport:
+def smallest_horizon(
+    config: AttitudeMpcConfig, *, terminal: TerminalDesign | None = None,
+    largest: int = LARGEST_HORIZON, cache_dir: str | Path | None = None,
+    progress: Progress | None = None,
+) -> HorizonReport:
     """Map a configuration (its own horizon is ignored) to the smallest sufficient N.
 
     Raises
@@ -68,7 +71,7 @@ def smallest_horizon(config: AttitudeMpcConfig, *, largest: int = LARGEST_HORIZO
                 progress(f'N = {n}: {now.found} of {now.tried} states at rest are in D_N')
 
     found = smallest_horizons(
-        replace(config, horizon=_FIRST), terminal_design(config), states,
+        replace(config, horizon=_FIRST), terminal or terminal_design(config), states,
         settings=Settings(largest=largest, cache_dir=cache_dir), only_largest=True,
         progress=advance)
     if any(domain.largest == NONE for domain in found):

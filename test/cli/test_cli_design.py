@@ -15,6 +15,7 @@ from manifold_mpc_ros.cli import design as verb
 from manifold_mpc_ros.config import AttitudeMpcConfig
 from manifold_mpc_ros.mpc.horizon import HorizonReport
 from manifold_mpc_ros.problems.registry import terminal_design
+from manifold_mpc_ros.theory.design import TerminalDesign
 
 Command = Callable[..., tuple[int, str, str]]
 
@@ -95,8 +96,10 @@ def test_the_horizon_is_compared_with_the_configured_one(
     command: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, smallest: int, word: str,
 ) -> None:
     def found(
-        _config: AttitudeMpcConfig, *, progress: Callable[[str], None],
+        _config: AttitudeMpcConfig, *, terminal: TerminalDesign,
+        progress: Callable[[str], None],
     ) -> HorizonReport:
+        assert terminal.c > 0
         progress('N = 4: tried')
         return HorizonReport(smallest, np.array([0.0, np.pi, 0.0]), 132, {4: 0, smallest: 132})
 
@@ -106,6 +109,7 @@ def test_the_horizon_is_compared_with_the_configured_one(
     assert 'N = 4: tried' in out
     assert word in out
     assert '180 deg about (0, 1, 0)' in out
+    assert 'sampled states at rest' in out
     horizon = json.loads((tmp_path / 'design.json').read_text(encoding='utf-8'))['horizon']
     assert (horizon['smallest'], horizon['configured']) == (smallest, 20)
     assert horizon['tried'] == {'4': 0, str(smallest): 132}
