@@ -250,6 +250,9 @@ def _add_promise(status: Status, record: PromiseRecord, *, nominal: bool) -> Non
         promises_broken=record.counters.broken,
         largest_relative_excess=record.counters.largest_excess,
         ticks_outside_domain=record.counters.outside_domain)
+    if record.in_domain is False:
+        status.level = max(status.level, DiagnosticStatus.WARN)
+        status.message += ' (no plan keeps the rate limits and reaches the terminal set)'
     if record.warning:
         status.level = max(status.level, DiagnosticStatus.WARN)
         status.message = record.warning if nominal else f'{status.message}; {record.warning}'

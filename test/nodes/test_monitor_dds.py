@@ -155,3 +155,19 @@ def test_a_wider_tolerance_is_silent(rig: Rig) -> None:
     assert count(diagnostics, 'promises_broken') == 0
     assert max(float(values['relative_excess'])
                for tick, (_, _, values) in by_tick(diagnostics).items() if tick > 1) > 0.1
+
+
+def test_a_state_outside_the_domain_of_attraction_is_a_warning_until_inside(rig: Rig) -> None:
+    """Eight steps do not reach the terminal set from 180 degrees: WARN, then OK once they do."""
+    diagnostics = rig.watch(DiagnosticArray, '/diagnostics')
+    start(rig, **{'mpc.horizon': 8, 'mpc.backend': 'vm'})
+    rig.until(lambda: values_of(diagnostics, NODE).get('in_terminal_set') == 'true', 'the set')
+    ticks = by_tick(diagnostics)
+    level, message, values = ticks[1]
+    assert level == DiagnosticStatus.WARN
+    assert 'no plan keeps the rate limits and reaches the terminal set' in message
+    assert values['in_domain_of_attraction'] == 'false'
+    inside = [tick for tick in ticks if ticks[tick][2]['in_domain_of_attraction'] == 'true']
+    assert inside
+    assert all(ticks[tick][0] == DiagnosticStatus.OK for tick in inside)
+    assert all(later in inside for later in ticks if later >= min(inside))
