@@ -22,6 +22,7 @@ RUNTIME = [
     'numpy>=1.26',
     'pyyaml>=6.0',
     'rich>=13',
+    'rosbags>=0.11,<0.12',
     'scipy>=1.11',
 ]
 ROS = [
@@ -89,6 +90,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
         (f'share/{NAME}/config', sorted(glob('config/*.yaml'))),
+        (f'share/{NAME}/config/scenarios', sorted(glob('config/scenarios/*.yaml'))),
         (f'share/{NAME}/launch', sorted(glob('launch/*.py'))),
     ],
     cmdclass={'install_data': InstallData},

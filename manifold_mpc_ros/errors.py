@@ -38,6 +38,10 @@ class SolverBuildError(ManifoldMpcError):
     """The solver could not be generated, compiled or loaded."""
 
 
+class BagError(ManifoldMpcError):
+    """A bag that cannot be written or read; the message names the file and says why."""
+
+
 def _short(value: object) -> str:
     """Return ``repr(value)`` on one line, cut at 120 characters."""
     text = ' '.join(repr(value).split())

@@ -19,7 +19,8 @@ from installed import BUILD, PIP, TOP, run
 
 # What an import belongs to, for pip and for rosdep, where the names differ.
 PIP_NAME = {'yaml': 'pyyaml', 'mpl_toolkits': 'matplotlib'}
-ROSDEP_KEY = {'casadi': 'casadi-pip', 'mpl_toolkits': 'python3-matplotlib'}
+ROSDEP_KEY = {'casadi': 'casadi-pip', 'mpl_toolkits': 'python3-matplotlib',
+              'rosbags': 'python3-rosbags-pip'}
 # Declared for the launch file and for lifecycle clients, which no module of ours imports.
 UNSEEN = {'launch', 'launch_ros', 'lifecycle_msgs'}
 
