@@ -16,6 +16,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from matplotlib.ticker import MaxNLocator
+from scipy.ndimage import gaussian_filter
 
 from manifold_mpc_ros.cli.plot_style import INK, save_figure, styled
 from manifold_mpc_ros.config import AttitudeMpcConfig
@@ -25,6 +26,8 @@ from manifold_mpc_ros.mpc.scaling import Array
 
 # A state without a plan at any horizon tried.
 OUTSIDE_COLOUR = '#BBBBBB'
+# Width of the mean over neighbours in the planes, in cells of the raster.
+SMOOTHING_CELLS = 0.8
 HALO = '#FFFFFF'
 
 
@@ -103,7 +106,7 @@ def plot_domain(picture: Picture, path: Path) -> Path:
         else:
             shares = figure.add_axes((0.53, 0.50, 0.33, 0.40))
             draw_shares(shares, picture)
-            row = figure.add_gridspec(1, 3, left=0.065, right=0.87, top=0.38, bottom=0.06,
+            row = figure.add_gridspec(1, 3, left=0.065, right=0.87, top=0.395, bottom=0.06,
                                       wspace=0.27)
             for index, (plane, domain) in enumerate(picture.planes):
                 draw_plane(figure.add_subplot(row[0, index]), picture, plane, domain)
@@ -118,7 +121,7 @@ def draw_plane(axes: Axes, picture: Picture, plane: Plane, domain: Domain) -> No
     """Draw one plane of the chart: smallest N by colour, the terminal set by its edge."""
     along, field = raster(plane, domain)
     degrees = np.degrees(along)
-    filled = np.where(field == NONE, -1.0, field)
+    filled = _smoothed(field)
     levels = np.arange(-1, picture.largest + 1) - 0.5
     colours = [OUTSIDE_COLOUR, *picture.rgba(np.arange(picture.largest + 1))]
     regions = axes.contourf(degrees, degrees, filled.T, levels=[-1.5, *levels[1:], 1e3],
@@ -139,6 +142,19 @@ def draw_plane(axes: Axes, picture: Picture, plane: Plane, domain: Domain) -> No
     letter = 'x' if picture.config.target == 'pointing' else r'\zeta'
     axes.set_xlabel(f'${letter}_{plane.names[0]}$ [deg]', labelpad=1)
     axes.set_ylabel(f'${letter}_{plane.names[1]}$ [deg]', labelpad=-6)
+
+
+def _smoothed(field: Array) -> Array:
+    """Return a raster without its steps, for drawing: a Gaussian mean over about one cell.
+
+    Off the disc the mean goes on; a raster with states without any plan stays as it is.
+    """
+    known = np.isfinite(field)
+    if np.any(field == NONE):
+        return np.where(known, field, NONE)
+    weight = gaussian_filter(known.astype(float), SMOOTHING_CELLS)
+    total = gaussian_filter(np.where(known, field, 0.0), SMOOTHING_CELLS)
+    return np.asarray(total / np.maximum(weight, 1e-9))
 
 
 def _draw_section(axes: Axes, picture: Picture, plane: Plane) -> None:

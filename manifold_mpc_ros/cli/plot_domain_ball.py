@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 OCTANT = np.array([1.0, -1.0, 1.0])
 ELEVATION_DEG, AZIMUTH_DEG = 26.0, -52.0
 # Cells along a quarter of a great circle, and along a radius.
-_CELLS = 30
+_CELLS = 45
 # The colour between measured half turns is that of the mean of so many neighbours.
-_NEIGHBOURS = 3
+_NEIGHBOURS = 5
 _LIGHT = np.array([0.35, -0.55, 0.75]) / np.linalg.norm([0.35, -0.55, 0.75])
 
 

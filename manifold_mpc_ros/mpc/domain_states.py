@@ -89,7 +89,7 @@ def moving_states(config: AttitudeMpcConfig, n: int, largest_rate: float) -> Sta
             f'rad/s above 0 and below {bound:.4g}, where the implicit step exists for certain')
     rest = uniform_states(config, n)
     return States(f'grid at rates up to {largest_rate:g} rad/s', rest.vectors,
-                  largest_rate * grid.ball(n), rest.covering_rad)
+                  largest_rate * grid.ball(n))
 
 
 def planes(config: AttitudeMpcConfig) -> tuple[Plane, ...]:
