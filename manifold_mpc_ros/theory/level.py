@@ -25,6 +25,8 @@ from manifold_mpc_ros.theory.problem import ManifoldProblem
 
 # Directions searched, radii per direction, best directions refined.
 _DIRECTIONS, _RADII, _REFINED = 4000, 40, 6
+# Scans, each below the first violation of the one before it.
+_SCANS = 3
 # The level used is this fraction of the largest one found.
 _SAFETY = 0.99
 # Chart and step stay this fraction inside their ends (the chart's radius, and existence).
@@ -32,6 +34,9 @@ _INSIDE = 0.999
 # Where neither chart nor control box ends the set, no coordinate exceeds so many of its units.
 _FAR = 100.0
 _SEED = 20180301
+
+# Maps chart states (k, n) to numbers (k,), positive where something is violated.
+Condition = Callable[[Array], Array]
 
 
 @dataclass(frozen=True)
@@ -133,38 +138,45 @@ def _chart_levels(radii: tuple[tuple[int, float], ...], covariance: Array) -> li
     return levels
 
 
-def _first_level(violation: Callable[[Array], Array], directions: Array, roots: Array,
-                 top: float) -> float:
+def _first_level(violation: Condition, directions: Array, roots: Array, top: float) -> float:
     """Return the smallest level up to ``top`` where ``violation(xi) > 0``, or inf.
 
-    Scans radii along the directions, then moves the worst directions downhill. A violation at
-    the smallest radius counts as one at the origin: 0. A value that is not a number is one.
+    Scans radii along the directions, again below the first violation while that is near the
+    origin, then moves the worst directions downhill and bisects along them. A violation at the
+    smallest radius of the last scan counts as one at the origin: 0. A value that is not a number
+    is one.
     """
-    radii = np.sqrt(top) * np.linspace(1e-3, 1.0, _RADII)
-    first = np.full(len(directions), np.inf)
-    for radius in radii[::-1]:
-        first[~(violation(radius * directions) <= 0)] = radius
-    order = np.argsort(first)[:_REFINED]
-    best = float(first[order[0]])
-    if not np.isfinite(best):
-        return float('inf')
-    if best <= radii[0]:
+    largest = float(np.sqrt(top))
+    for _ in range(_SCANS):
+        radii = largest * np.linspace(1e-3, 1.0, _RADII)
+        first = np.full(len(directions), np.inf)
+        for radius in radii[::-1]:
+            first[~(violation(radius * directions) <= 0)] = radius
+        if not np.isfinite(first.min()):
+            return float('inf')
+        if first.min() > radii[_RADII // 4]:
+            break
+        # Not quite where the violation was met, so that rounding cannot hide it.
+        largest = float(first.min()) * (1 + 1e-9)
+    if first.min() <= radii[0]:
         return 0.0
 
     def radius_at(free: Array) -> float:
         return _first_radius(violation, radii, roots @ (free / np.linalg.norm(free)))
 
-    whiten = np.linalg.inv(roots)
-    for index in order:
+    whiten, best = np.linalg.inv(roots), float('inf')
+    for index in np.argsort(first)[:_REFINED]:
         if np.isfinite(first[index]):
-            found = minimize(radius_at, whiten @ directions[index], method='Nelder-Mead',
+            start = whiten @ directions[index]
+            found = minimize(radius_at, start, method='Nelder-Mead',
                              options={'maxfev': 400, 'xatol': 1e-6, 'fatol': 1e-9})
-            best = min(best, float(found.fun))
+            best = min(best, *(_crossing(violation, radii, roots @ (free / np.linalg.norm(free)))
+                               for free in (start, found.x)))
     return best ** 2
 
 
-def _first_radius(violation: Callable[[Array], Array], radii: Array, unit: Array) -> float:
-    """Return the radius along a direction (n,) at which the violation turns positive.
+def _first_radius(violation: Condition, radii: Array, unit: Array) -> float:
+    """Return about the radius along a direction (n,) at which the violation turns positive.
 
     Interpolated between the radii; where it does not, the last radius and more, by how far it
     is from it.
@@ -180,6 +192,23 @@ def _first_radius(violation: Callable[[Array], Array], radii: Array, unit: Array
     if not np.isfinite(high):
         return float(radii[at - 1])
     return float(radii[at - 1] + (radii[at] - radii[at - 1]) * low / (low - high))
+
+
+def _crossing(violation: Condition, radii: Array, unit: Array) -> float:
+    """Return the largest radius below the first violation on the radii, by bisection; or inf."""
+    broken = np.flatnonzero(~(violation(radii[:, None] * unit) <= 0))
+    if broken.size == 0:
+        return float('inf')
+    if broken[0] == 0:
+        return 0.0
+    low, high = float(radii[broken[0] - 1]), float(radii[broken[0]])
+    while high - low > 1e-13 * high:
+        middle = (low + high) / 2
+        if violation(middle * unit[None])[0] <= 0:
+            low = middle
+        else:
+            high = middle
+    return low
 
 
 def _worst_decrease(loop: LocalLoop, roots: Array, level: float, rng: np.random.Generator

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The terminal design of the attitude controller derived by hand, in plain numpy.
 
-Chart ``xi = (Log g, Log f / h)`` in R^6, docs/theory.md (7) to (10). Nothing of the general layer
-is used, and nothing of CasADi: formulas, dynamics and search are written out for SO(3).
+Chart ``xi = (Log g, Log f / h)`` in R^6. Nothing of the general layer is used, and nothing of
+CasADi: formulas and dynamics are written out for SO(3). The search has the same seed and steps.
 """
 
 from __future__ import annotations
@@ -156,18 +156,20 @@ def level_limits(config: AttitudeMpcConfig, p: Array, k: Array) -> dict[str, flo
 def _first_level(violation: Callable[[Array], Array], directions: Array, roots: Array,
                  top: float) -> float:
     """Return the smallest level up to ``top`` where ``violation(xi) > 0``, or inf."""
-    radii = np.sqrt(top) * np.linspace(1e-3, 1.0, RADII)
-    first = np.full(len(directions), np.inf)
-    for radius in radii[::-1]:
-        first[violation(radius * directions) > 0] = radius
-    order = np.argsort(first)[:REFINED]
-    best = float(first[order[0]])
-    if not radii[0] < best < np.inf:
-        return best if best > radii[0] else 0.0
+    largest = np.sqrt(top)
+    for _ in range(3):
+        radii = largest * np.linspace(1e-3, 1.0, RADII)
+        first = np.full(len(directions), np.inf)
+        for radius in radii[::-1]:
+            first[violation(radius * directions) > 0] = radius
+        if first.min() > radii[RADII // 4]:
+            break
+        largest = first.min() * (1 + 1e-9)
+    if first.min() <= radii[0] or np.isinf(first.min()):
+        return 0.0 if first.min() <= radii[0] else float('inf')
 
     def radius_at(free: Array) -> float:
-        unit = roots @ (free / np.linalg.norm(free))
-        values = violation(radii[:, None] * unit)
+        values = violation(radii[:, None] * (roots @ (free / np.linalg.norm(free))))
         broken = np.flatnonzero(values > 0)
         if broken.size == 0:
             return float(radii[-1] * (1 - values[-1]))
@@ -175,9 +177,22 @@ def _first_level(violation: Callable[[Array], Array], directions: Array, roots: 
         low, high = values[at - 1], values[at]
         return float(radii[at - 1] + (radii[at] - radii[at - 1]) * low / (low - high))
 
-    whiten = np.linalg.inv(roots)
+    def crossing(free: Array) -> float:
+        unit = roots @ (free / np.linalg.norm(free))
+        broken = np.flatnonzero(violation(radii[:, None] * unit) > 0)
+        if broken.size == 0:
+            return float('inf')
+        low, high = radii[broken[0] - 1], radii[broken[0]]
+        for _ in range(60):
+            middle = (low + high) / 2
+            inside = violation(middle * unit[None])[0] <= 0
+            low, high = (middle, high) if inside else (low, middle)
+        return float(low)
+
+    whiten, order, best = np.linalg.inv(roots), np.argsort(first)[:REFINED], float('inf')
     for index in order[np.isfinite(first[order])]:
-        found = minimize(radius_at, whiten @ directions[index], method='Nelder-Mead',
+        start = whiten @ directions[index]
+        found = minimize(radius_at, start, method='Nelder-Mead',
                          options={'maxfev': 400, 'xatol': 1e-6, 'fatol': 1e-9})
-        best = min(best, float(found.fun))
+        best = min(best, crossing(start), crossing(found.x))
     return best ** 2
