@@ -181,12 +181,13 @@ def test_the_existence_load_is_that_of_the_implicit_steps(case: str, load: float
 
 @in_cases
 def test_the_rate_in_the_chart(case: str) -> None:
-    """The coordinates (.., Log f / h) belong to omega = J^-1 m(f) / h, the inverse Legendre map."""
+    """The coordinates (.., Log f / h) belong to omega = J^-1 m(f) / h, m the Legendre map."""
     config = configuration(**CASES[case])
     problem, h = attitude_problem(config), config.step_s
     rng = generator('chart rates')
     moments = np.linalg.eigvalsh(config.inertia_kg_m2)
-    rates = 0.5 * moments[0] / moments[-1] / h * rng.uniform(size=(COUNT, 1)) * unit_vectors(rng, COUNT)
+    largest = 0.5 * moments[0] / moments[-1] / h
+    rates = largest * rng.uniform(size=(COUNT, 1)) * unit_vectors(rng, COUNT)
     c = so3.cayley_inverse(so3.exp(h * rates))
     omega = legendre(c, config.inertia_kg_m2) / h @ np.linalg.inv(config.inertia_kg_m2)
     again = so3.log(step_rotation(omega, config.inertia_kg_m2, h)) / h
