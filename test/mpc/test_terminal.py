@@ -12,7 +12,6 @@ import pytest
 from cases import LIMITS, configuration
 from numpy.typing import NDArray
 from reference import advance, chart, chart_state, stage_cost
-from scipy.linalg import solve_discrete_are
 from strategies import INERTIAS
 
 from manifold_mpc_ros.config import AttitudeMpcConfig
@@ -125,43 +124,6 @@ def test_value_iteration_gives_the_same_cost_and_law(designs: Designs, case: str
         P = d.Q + d.A.T @ P @ (d.A + d.B @ K)
     assert np.abs(P - d.P).max() < 1e-9 * np.abs(d.P).max()
     assert np.abs(K - d.K).max() < 1e-9 * np.abs(d.K).max()
-
-
-def decrease_matrix(config: AttitudeMpcConfig, d: TerminalDesign, P: Array, K: Array) -> Array:
-    """Return ``(A + B K)^T P (A + B K) - P + lambda (Q + K^T R K)``: not positive when (8c)."""
-    closed = d.A + d.B @ K
-    return closed.T @ P @ closed - P + config.terminal_scale * (d.Q + K.T @ d.R @ K)
-
-
-@pytest.mark.parametrize('moments', [(0.3, 0.25, 0.2), (3.0, 2.7, 2.0)])
-def test_the_printed_input_matrix_is_wrong_unless_the_inertia_is_one(
-        moments: tuple[float, ...]) -> None:
-    """B = [0; h I] gives no decrease near the origin; for the light body no stability either."""
-    config = configuration(inertia_kg_m2=moments)
-    d = terminal_design(config)
-    printed = np.vstack([np.zeros((3, 3)), config.step_s * np.eye(3)])
-    assert np.abs(d.B - printed).max() > 0.1
-    P = solve_discrete_are(d.A, printed, d.Q, d.R)
-    K = -np.linalg.solve(printed.T @ P @ printed + d.R, printed.T @ P @ d.A)
-    assert np.linalg.eigvalsh(decrease_matrix(config, d, P, K))[-1] > 1.0
-    assert np.linalg.eigvalsh(decrease_matrix(config, d, d.P, d.K))[-1] < 0.0
-    if moments[0] < 1:
-        assert np.abs(np.linalg.eigvals(d.A + d.B @ K)).max() > 1.5
-
-
-def test_the_printed_input_matrix_is_right_for_the_paper_s_unit_inertia(
-        designs: Designs) -> None:
-    config, d = designs('identity')
-    assert np.array_equal(
-        d.B, np.vstack([np.zeros((3, 3)), config.step_s * np.eye(3)]))
-
-
-def test_the_printed_inverse_has_no_meaning(designs: Designs) -> None:
-    """B P B^T + R adds 6x6 to 3x3, and B P does not even exist; B^T P B + R is 3x3."""
-    _, d = designs('paper')
-    with pytest.raises(ValueError, match='matmul'):
-        d.B @ d.P @ d.B.T + d.R
-    assert (d.B.T @ d.P @ d.B + d.R).shape == (3, 3)
 
 
 def test_an_impossible_weight_is_a_design_error() -> None:
