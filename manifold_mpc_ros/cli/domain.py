@@ -51,7 +51,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='points of the uniform grid on SO(3), for pointing on S^2 (default: %(default)s)')
     parser.add_argument(
         '--half-turns', type=WholeNumber(1), default=1000, metavar='N',
-        help='axes of exact half turns, beside x, y and z (default: %(default)s)')
+        help='axes of exact half turns, beside x, y and z; pointing has its antipode alone '
+             '(default: %(default)s)')
     parser.add_argument(
         '--largest-rate', type=shared.positive_number, metavar='RAD/S',
         help='also ask the grid with rates uniform in a ball of this radius')

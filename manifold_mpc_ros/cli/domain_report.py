@@ -71,7 +71,7 @@ def show(console: Console, config: AttitudeMpcConfig, domains: Sequence[Domain],
         [(f'{n}' + (' (X_T)' if n == 0 else ''), *_cells(domains, n)) for n in range(most + 1)]))
     console.print(STATEMENT)
     console.print(f'{sum(len(domain.states) for domain in domains)} states in the tables, '
-                  f"{elapsed_s:.0f} s with the picture's planes")
+                  f'{elapsed_s:.0f} s in all')
 
 
 def as_data(

@@ -71,9 +71,9 @@ def half_turns(config: AttitudeMpcConfig, n: int) -> States:
     """Return exact half turns at rest: about x, y, z and n more axes; for S^2 the antipode."""
     if config.target == 'attitude':
         axes = np.concatenate([np.eye(3), _upper(grid.directions(2 * n))])
-    else:
-        axes = tangent_basis(config.pointing_axis_B)[:, :1].T
-    return States('half turns at rest', np.pi * axes, np.zeros_like(axes))
+        return States('half turns at rest', np.pi * axes, np.zeros_like(axes))
+    axes = tangent_basis(config.pointing_axis_B)[:, :1].T
+    return States('antipode at rest', np.pi * axes, np.zeros_like(axes))
 
 
 def moving_states(config: AttitudeMpcConfig, n: int, largest_rate: float) -> States:

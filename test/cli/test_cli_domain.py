@@ -130,7 +130,7 @@ def test_pointing_is_drawn_on_its_own_manifold(
     status, out, _ = command('domain', *COARSE, '--controller-config', path,
                              '--output', tmp_path)
     assert status == 0
-    assert by_angle['names'] == ['grid at rest', 'half turns at rest', 'plane of 1 and 2']
+    assert by_angle['names'] == ['grid at rest', 'antipode at rest', 'plane of 1 and 2']
     assert 'no direction is farther' in ' '.join(out.split())
     assert imread(tmp_path / 'domain.png').std() > 0.05
 

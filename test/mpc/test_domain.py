@@ -52,8 +52,8 @@ def searches(config: AttitudeMpcConfig, terminal: TerminalDesign) -> dict[int, F
 def asked(config: AttitudeMpcConfig, terminal: TerminalDesign) -> tuple[list[Domain], list[Round]]:
     """Return a grid, half turns and a grid with rates, asked for their smallest N."""
     rounds: list[Round] = []
-    groups = [domain_states.uniform_states(config, 30), domain_states.half_turns(config, 4),
-              domain_states.moving_states(config, 20, 0.3)]
+    groups = [domain_states.uniform_states(config, 24), domain_states.half_turns(config, 4),
+              domain_states.moving_states(config, 12, 0.3)]
     return smallest_horizons(config, terminal, groups, settings=VM,
                              progress=rounds.append), rounds
 
@@ -75,7 +75,7 @@ def test_every_smallest_horizon_occurs(asked: tuple[list[Domain], list[Round]]) 
     found, _ = asked
     assert {n for _, _, n in states_of(found)} == {0, 1, 2, 3}
     assert found[1].largest == 3
-    assert [group.smallest.shape for group in found] == [(30,), (7,), (20,)]
+    assert [group.smallest.shape for group in found] == [(24,), (7,), (12,)]
 
 
 def test_the_domains_are_nested(
@@ -117,7 +117,7 @@ def test_plans_end_in_the_terminal_set_and_go_on_in_it(
 def test_the_controller_says_the_same(
     asked: tuple[list[Domain], list[Round]], terminal: TerminalDesign, config: AttitudeMpcConfig,
 ) -> None:
-    """Its status is 'infeasible' with one step less, and is not with N: ten states of each N."""
+    """Its status is 'infeasible' with one step less, and is not with N: four states of each N."""
     by_horizon: dict[int, list[tuple[Array, Array]]] = {2: [], 3: []}
     for R, omega, smallest in states_of(asked[0]):
         if smallest in by_horizon:
@@ -126,7 +126,7 @@ def test_the_controller_says_the_same(
                    for n in (1, 2, 3)}
     for smallest, states in by_horizon.items():
         assert len(states) >= 2
-        for R, omega in states[:10]:
+        for R, omega in states[:4]:
             statuses = []
             for n in (smallest - 1, smallest):
                 controllers[n].reset()
@@ -155,7 +155,7 @@ def test_the_search_says_how_far_it_is(asked: tuple[list[Domain], list[Round]]) 
     assert [now.number for now in ends] == list(range(1, len(ends) + 1))
     assert ends[0].horizons == (3,)
     assert ends[0].found == ends[0].tried
-    assert ends[-1].decided == ends[-1].states == 57
+    assert ends[-1].decided == ends[-1].states == 43
     decided = [now.decided for now in rounds]
     assert decided == sorted(decided)
 
