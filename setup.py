@@ -20,6 +20,7 @@ RUNTIME = [
     'casadi>=3.6.5',
     'matplotlib>=3.6',
     'numpy>=1.26',
+    'python-flint>=0.7',
     'pyyaml>=6.0',
     'rich>=13',
     'rosbags>=0.11,<0.12',
