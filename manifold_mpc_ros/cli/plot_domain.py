@@ -97,7 +97,8 @@ def plot_domain(picture: Picture, path: Path) -> Path:
         pointing = picture.config.target == 'pointing'
         figure = Figure(figsize=(11.5, 6.6 if pointing else 10.2))
         tops = figure.add_gridspec(1, 2, left=0.0, right=0.86, top=0.94,
-                                   bottom=0.1 if pointing else 0.42, wspace=0.12)
+                                   bottom=0.14 if pointing else 0.42,
+                                   wspace=0.22 if pointing else 0.12)
         ball = figure.add_subplot(tops[0, 0], projection='3d')
         (draw_sphere if pointing else draw_ball)(ball, picture)
         if pointing:
@@ -110,8 +111,8 @@ def plot_domain(picture: Picture, path: Path) -> Path:
                                       wspace=0.27)
             for index, (plane, domain) in enumerate(picture.planes):
                 draw_plane(figure.add_subplot(row[0, index]), picture, plane, domain)
-        figure.text(0.23, 0.02 if pointing else 0.435, _below(pointing), fontsize=10,
-                    ha='center', va='center')
+        figure.text(0.015, 0.025 if pointing else 0.435, _below(pointing), fontsize=10,
+                    va='center')
         _draw_key(figure, picture)
         figure.text(0.015, 0.975, _title(picture), fontsize=13, va='center')
         return save_figure(figure, path)
@@ -202,7 +203,8 @@ def _draw_key(figure: Figure, picture: Picture) -> None:
 def _below(pointing: bool) -> str:
     """Say what the view in three dimensions shows."""
     if pointing:
-        return 'commanded direction in body axes; the other side mirrors the plane at the right'
+        return ('the direction to point at, seen from the body; the plane shows all of them, and '
+                'its rim is the antipode')
     return ('ball of rotation vectors $|\\zeta| \\leq \\pi$, one octant cut out; '
             'its surface: half turns')
 
