@@ -80,9 +80,13 @@ class BagWriter:
         """Names of the topics that were added."""
         return frozenset(self._connections)
 
+    def knows(self, kind: str) -> bool:
+        """Say whether the definition of a type is at hand."""
+        return kind in self._typestore.fielddefs
+
     def add_topic(self, topic: BagTopic) -> None:
         """Add a topic, its definition taken from the standard messages of ROS 2 Jazzy."""
-        if topic.kind not in self._typestore.fielddefs:
+        if not self.knows(topic.kind):
             raise BagError(f'{self.path}: {topic.name} has the type {topic.kind}, whose '
                            'definition is not among the standard ones of ROS 2 Jazzy')
         definition, _ = self._typestore.generate_msgdef(topic.kind, ros_version=2)

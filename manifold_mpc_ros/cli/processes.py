@@ -4,12 +4,15 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 
@@ -30,14 +33,44 @@ def free_domain_id() -> int:
     """
     start = os.getpid() % len(_DOMAINS)
     for domain in (*_DOMAINS[start:], *_DOMAINS[:start]):
-        port = _FIRST_PORT + _PORTS_PER_DOMAIN * domain + _PARTICIPANT_OFFSET
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            try:
-                probe.bind(('', port))
-            except OSError:
-                continue
+        if _is_free(domain):
             return domain
     raise ManifoldMpcError('no ROS domain is free on this machine (1 to 101 are all in use)')
+
+
+@contextmanager
+def reserved_domain() -> Iterator[int]:
+    """Hold a ROS domain that no process on this machine uses, nor another that holds one.
+
+    Raises ManifoldMpcError when all of them are taken.
+    """
+    start = os.getpid() % len(_DOMAINS)
+    for domain in (*_DOMAINS[start:], *_DOMAINS[:start]):
+        path = Path(tempfile.gettempdir(), f'manifold_mpc_ros_domain_{domain}.lock')
+        try:
+            lock = path.open('w')
+        except PermissionError:
+            continue  # another user's
+        with lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                continue
+            if _is_free(domain):
+                yield domain
+                return
+    raise ManifoldMpcError('no ROS domain is free on this machine (1 to 101 are all in use)')
+
+
+def _is_free(domain: int) -> bool:
+    """Say whether nobody on this machine is in a domain."""
+    port = _FIRST_PORT + _PORTS_PER_DOMAIN * domain + _PARTICIPANT_OFFSET
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(('', port))
+        except OSError:
+            return False
+    return True
 
 
 def node_environment(domain_id: int) -> dict[str, str]:
@@ -83,9 +116,14 @@ class NodeProcess:
         return next((line.strip() for line in reversed(lines) if line.strip()), 'no output')
 
     def interrupt(self) -> None:
-        """Ask the process to end, the way a terminal does."""
+        """Ask the process to end, the way a terminal does; one that is stopped goes on first."""
+        self.send(signal.SIGINT)
+        self.send(signal.SIGCONT)
+
+    def send(self, number: signal.Signals) -> None:
+        """Send a signal to the process while it runs."""
         if self.exit_status is None:
-            self._process.send_signal(signal.SIGINT)
+            self._process.send_signal(number)
 
     def wait(self) -> int:
         """Wait until the process has ended, by force if it takes too long; its exit status."""

@@ -13,6 +13,7 @@ from nav_msgs.msg import Odometry, Path
 from rclpy.duration import Duration
 from sensor_msgs.msg import Imu
 
+from manifold_mpc_ros.config_checks import FloatArray
 from manifold_mpc_ros.config_controller import ControllerConfig
 from manifold_mpc_ros.config_parameters import Value
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
@@ -74,7 +75,8 @@ class AttitudeControllerNode(ManagedNode):
             config.inertial_frame_id, config.body_frame_id, step_s=config.mpc.step_s,
             timeout_s=config.state_timeout_s, timed=not config.lockstep)
         self._command: Command | None = None
-        self._ticks = 0
+        self._ticks = self._setpoints = 0
+        self._backend = mpc.backend
         self._torque = self.create_lifecycle_publisher(
             WrenchStamped, 'torque_command', OUTPUT_QOS)
         self._prediction = self.create_lifecycle_publisher(Path, '~/prediction', OUTPUT_QOS)
@@ -130,15 +132,16 @@ class AttitudeControllerNode(ManagedNode):
     def status(self) -> Status:
         """Say the mode, where the torque comes from and how the solver does."""
         command = self._command
+        totals = {'ticks': self._ticks, 'setpoints': self._setpoints, 'backend': self._backend}
         if command is None:
             return Status(DiagnosticStatus.WARN, self._waiting(), {
-                'mode': Mode.WAIT.value, 'command_source': 'zero', 'ticks': self._ticks})
+                'mode': Mode.WAIT.value, 'command_source': 'zero', **totals})
         waiting = command.mode is Mode.WAIT
         status = Status(
             _LEVELS[command.mode], self._waiting() if waiting else command.reason, {
                 'mode': command.mode.value,
                 'command_source': command.source,
-                'ticks': self._ticks,
+                **totals,
                 'setpoint': 'commanded' if self._loop.commanded else 'initial',
             })
         latest_ns = self._loop.state_stamp_ns
@@ -197,7 +200,7 @@ class AttitudeControllerNode(ManagedNode):
         if isinstance(admitted, Refusal):
             self.refusals.add('attitude_setpoint', admitted)
         else:
-            self._loop.aim(admitted)
+            self._aim(admitted)
 
     def _on_direction(self, message: Vector3Stamped) -> None:
         """Point the axis along a commanded direction or count its refusal."""
@@ -209,7 +212,12 @@ class AttitudeControllerNode(ManagedNode):
         if isinstance(admitted, Refusal):
             self.refusals.add('direction_setpoint', admitted)
         else:
-            self._loop.aim(attitude_towards(self._config.mpc, admitted))
+            self._aim(attitude_towards(self._config.mpc, admitted))
+
+    def _aim(self, R_ND: FloatArray) -> None:
+        """Aim at a commanded attitude and count it."""
+        self._loop.aim(R_ND)
+        self._setpoints += 1
 
     def _on_tick(self) -> None:
         """Publish the command that is due."""
