@@ -21,6 +21,7 @@ from manifold_mpc_ros.dynamics.lgvi import cayley_step, nonstandard_inertia, ric
 from manifold_mpc_ros.errors import DesignError
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.problems.attitude import attitude_problem
+from manifold_mpc_ros.theory.existence import check_existence
 from manifold_mpc_ros.theory.level import largest_level
 from manifold_mpc_ros.theory.linearisation import Linearisation, linearise
 from manifold_mpc_ros.theory.riccati import solve_riccati
@@ -190,3 +191,17 @@ def test_the_cost_condition_leaves_no_cross_term() -> None:
     x = np.array([1.0, 0.0])
     z, at_rest = np.append(x, -0.4), np.append(x, 0.0)
     assert z @ hessian @ z < at_rest @ hessian @ at_rest - 0.1
+
+
+def test_a_stabilising_solution_that_is_not_positive_definite() -> None:
+    """"Positive definite if and only if" stabilisable and no eigenvalue on the circle: P = 0.
+
+    A stable system whose state costs nothing meets both conditions, and the solution is zero.
+    """
+    linear = linearisation(np.array([[0.5]]), np.array([[1.0]]), np.diag([0.0, 1.0]))
+    moduli = np.abs(np.linalg.eigvals(linear.A))  # the pencil's are these and their inverses
+    assert moduli.max() < 1
+    P = solve_discrete_are(linear.A, linear.B, linear.Q, linear.R)
+    assert np.abs(P).max() < 1e-15
+    with pytest.raises(DesignError):
+        check_existence(linear)
