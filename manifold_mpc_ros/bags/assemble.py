@@ -112,16 +112,18 @@ class Source:
             _integers([sample.stamp_ns for sample in samples]), _received(samples),
             tuple(sample.value for sample in samples))
 
-    def ticks(self, topic: str) -> TickSeries:
-        """Return what the controller last said about each tick."""
+    def ticks(self, topic: str, limit: int | None) -> TickSeries:
+        """Return what the controller said about each tick, up to ``limit`` of them."""
         by_tick: dict[int, tuple[int, int, str, Mapping[str, str]]] = {}
         last: Mapping[str, str] = {}
         for sample in self._decoded(topic, {decode.DIAGNOSTICS: _controller_status}):
             if sample.value is None:
                 continue
             level, message, values = sample.value
-            last = values
             tick = values.get('ticks', '')
+            if limit is not None and tick.isdecimal() and int(tick) > limit:
+                continue
+            last = values
             if tick.isdecimal() and int(tick) > 0:
                 by_tick.setdefault(int(tick), (sample.received_ns, level, message, values))
         ordered = [by_tick[tick] for tick in sorted(by_tick)]

@@ -138,14 +138,15 @@ def read_run(path: str | Path, topics: TopicNames | None = None) -> BagRun:
     first_ns = int(states.stamp_ns[0])
     pointing = (scenario or assemble.shipped_scenario()).controller_config.mpc
     lockstep = scenario is not None and scenario.lockstep
+    commands = source.commands(names.torque, first_ns, once=lockstep)
     return BagRun(
         path=Path(path), scenario=scenario, description=description,
         outcome=contents.custom.get(CUSTOM_OUTCOME, ''), states=states,
         received_states=received,
-        commands=source.commands(names.torque, first_ns, once=lockstep),
+        commands=commands,
         setpoints=source.setpoints(
             names.attitude_setpoint, names.direction_setpoint, first_ns, pointing),
-        ticks=source.ticks(names.diagnostics),
+        ticks=source.ticks(names.diagnostics, len(commands) if lockstep else None),
         predictions=source.predictions(names.prediction), topics=names,
         warnings=tuple(dict.fromkeys(warnings)), contents=contents)
 

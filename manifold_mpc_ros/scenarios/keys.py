@@ -83,7 +83,7 @@ ACCEPTANCE_KEYS = (
     ParameterSpec('peak_rate_rad_s', 'floats', [0.6], 'largest body rate, by axis', unit='rad/s',
                   lengths=(1, 3)),
     ParameterSpec('violations', 'int', 0,
-                  "states and torques beyond the controller's own limits by more than 1e-6",
+                  "torques and rates beyond the controller's own limits by more than 1 % of the limit",
                   low=0, high=2**31 - 1),
     ParameterSpec('solver_time_p99_ms', 'float', 50.0, '99 % of the solves take no longer',
                   unit='ms', low=0.0, high=1e6),
