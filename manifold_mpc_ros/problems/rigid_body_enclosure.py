@@ -150,8 +150,11 @@ class RigidBodyEnclosure:
             Jet(jet.value, jet.gradient, hessian) for jet, hessian in zip(known, hessians)])
 
     def _root(self, m: list[arb]) -> list[arb]:
-        """Return a box that holds the root of every m in a box, NaN where none is proved."""
-        if not all(entry.is_finite() for entry in m):
+        """Return a box that holds the root of every m in a box, NaN where none is proved.
+
+        Beyond the guard none is looked for.
+        """
+        if not root(scalar_form.dot(triple(m), triple(m))) < self._guard:
             return [arb.nan()] * 3
         centre = [float(entry.mid()) for entry in m]
         c0 = [arb(value) for value in _newton(centre, self._plain)]

@@ -1,0 +1,118 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The verbs certify and verify: status 0 for what is proved, one reason for what is not."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from manifold_mpc_ros.theory.certificate import read_certificate
+
+Command = Callable[..., tuple[int, str, str]]
+TOP = Path(__file__).parents[2]
+ALONE = ('--workers', '1')
+
+
+@pytest.fixture
+def weak(write_config: Callable[..., Path]) -> Path:
+    """A controller with little torque: its terminal set is small and soon certified."""
+    return write_config('controller', **{'limits.max_torque_n_m': [0.05] * 3})
+
+
+def test_certify_then_verify(command: Command, weak: Path, tmp_path: Path) -> None:
+    output = tmp_path / 'certificate.json'
+    status, out, err = command('certify', weak, '--output', output, *ALONE)
+    assert (status, err) == (0, '')
+    certificate = read_certificate(output)
+    assert certificate.complete
+    assert certificate.claim() in out
+    assert certificate.evidence['seconds'] > 0
+    assert str(output) in out
+    assert '100 % of the volume' in out
+    status, out, err = command('verify', output, *ALONE)
+    assert (status, err) == (0, '')
+    assert 'Verified: the terminal set is certified on all of X_T' in out
+
+
+def test_pointing_is_certified_too(
+    command: Command, write_config: Callable[..., Path], tmp_path: Path,
+) -> None:
+    path = write_config('controller', **{
+        'limits.max_torque_n_m': [0.03] * 3, 'target': 'pointing'})
+    status, out, _ = command('certify', path, '--output', tmp_path / 'p.json', *ALONE)
+    assert status == 0
+    assert 'pointing' in out
+
+
+def test_what_is_not_all_certified_is_no_success(
+    command: Command, write_config: Callable[..., Path], tmp_path: Path,
+) -> None:
+    path = write_config('controller', **{'limits.max_torque_n_m': [float('inf')] * 3})
+    output = tmp_path / 'part.json'
+    status, out, _ = command('certify', path, '--output', output, '--budget', '4', *ALONE)
+    assert status == 1
+    assert 'why not all of it' in out
+    assert 'certified on all' not in out
+    assert not read_certificate(output).complete
+
+
+def test_a_tampered_file_is_refused_with_the_reason(
+    command: Command, weak: Path, tmp_path: Path,
+) -> None:
+    output = tmp_path / 'certificate.json'
+    assert command('certify', weak, '--output', output, *ALONE)[0] == 0
+    content = json.loads(output.read_text(encoding='utf-8'))
+    content['certified_level'] *= 2
+    output.write_text(json.dumps(content), encoding='utf-8')
+    status, out, err = command('verify', output, *ALONE)
+    assert status == 1
+    assert 'Verified' not in out
+    assert 'NOT verified' in err
+    assert 'was changed after it was written' in err
+
+
+def test_without_the_package_one_message_names_it(
+    command: Command, weak: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, 'flint', None)
+    for name in [name for name in sys.modules if name.startswith('manifold_mpc_ros.theory')
+                 or name.endswith('enclosure')]:
+        monkeypatch.delitem(sys.modules, name)
+    (tmp_path / 'any.json').write_text('{}', encoding='utf-8')
+    for arguments in (('certify', weak, '--output', tmp_path / 'x.json'),
+                      ('verify', tmp_path / 'any.json')):
+        status, _, err = command(*arguments)
+        assert status == 2
+        assert err.count('\n') == 1
+        assert 'pip install python-flint' in err
+    assert not (tmp_path / 'x.json').exists()
+
+
+@pytest.mark.parametrize('arguments', [
+    ('certify', '--margin', '0'), ('certify', '--workers', '0'), ('certify', '--budget', 'x'),
+    ('verify',), ('verify', 'no_such_file.json'),
+])
+def test_mistakes_are_one_line(command: Command, arguments: tuple[str, ...]) -> None:
+    status, _, err = command(*arguments)
+    assert status == 2
+    assert len(err.strip().splitlines()) == 1
+
+
+def test_the_shipped_certificate_is_of_the_shipped_configuration() -> None:
+    """What `certify` wrote for config/controller.yaml, all of it certified."""
+    from manifold_mpc_ros.config import AttitudeMpcConfig
+    from manifold_mpc_ros.problems.enclosures import describe, design_of
+    certificate = read_certificate(TOP / 'docs/results/certificate.json')
+    config = AttitudeMpcConfig.from_yaml(TOP / 'config/controller.yaml')
+    assert (certificate.problem, certificate.configuration) == describe(config)
+    assert certificate.complete
+    design = design_of(certificate.problem, certificate.configuration)
+    for name in ('P', 'K'):
+        assert getattr(certificate, name) == pytest.approx(getattr(design, name), rel=1e-9,
+                                                           abs=1e-9)
+    assert certificate.design_level == pytest.approx(design.c, rel=1e-6)
