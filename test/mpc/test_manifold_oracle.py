@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 import pytest
 from cases import LIMITED, REFERENCE, random_states
-from manifold_oracle import ManifoldOracle
+from manifold_oracle import ManifoldOracle, point_of
 from strategies import half_turns
 
+from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
+from manifold_mpc_ros.sim.discontinuity import jump_of_side
 from manifold_mpc_ros.theory.manifold_mpc import PlanStatus
 
 AXIS = np.array([0.6, 0.0, 0.8])
@@ -41,3 +43,29 @@ def test_the_fast_solver_finds_the_same_value(
         assert best.status is PlanStatus.OPTIMAL
         assert ours.cost == pytest.approx(best.value, rel=1e-6)
         assert ours.promised_cost == pytest.approx(best.promised, rel=1e-5)
+
+
+def test_beside_180_degrees_the_oracle_takes_the_same_side(
+    controller: Callable[..., AttitudeMpc],
+) -> None:
+    """About an axis that is not principal the law jumps beside 180 degrees, not on it.
+
+    From exactly 180 degrees both ways round are optima, and their costs differ: there is no tie.
+    """
+    fast, axis = controller(**REFERENCE), np.array([1.0, -2.0, 3.0]) / np.sqrt(14.0)
+    oracle = ManifoldOracle(fast.config, starts=2)
+    at, _ = jump_of_side(fast, axis, 5.0, 1e-3)
+    assert 0.02 < abs(at - 180.0) < 0.2
+    point = point_of(fast.config, half_turns(axis), np.zeros(3))
+    sides = [oracle.mpc.ocp.solve(point, start) for start in oracle.mpc.starts(point)]
+    turns = [plan.controls[0] @ axis for plan in sides]
+    assert min(turns) < -1.0
+    assert max(turns) > 1.0
+    assert abs(sides[0].value - sides[1].value) > 1e-4
+    for angle in (180.0, at - 0.01, at + 0.01):
+        R = so3.exp(np.radians(angle) * axis)
+        fast.reset()
+        ours, best = fast.solve(R, np.zeros(3)), oracle.best(R, np.zeros(3))
+        assert ours.cost == pytest.approx(best.value, rel=1e-9)
+        assert np.allclose(ours.torque_B_n_m, best.control, atol=1e-5)
+        assert (best.control @ axis < 0) == (angle < at)
