@@ -10,6 +10,7 @@ inequality is checked on balls that hold the exact numbers, so rounding is part 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -27,8 +28,9 @@ from manifold_mpc_ros.theory.enclosure import (
 from manifold_mpc_ros.theory.flint_backend import arb, arb_mat
 
 LoopMaker = Callable[[], ClosedLoop]
-# Parts of the level that are tried when all of it cannot be proved, then halvings between them.
-_FIRST_CUTS, _HALVINGS = (0.5, 0.25, 0.0625, 0.001), 4
+# Parts of the level that are tried, from below as small sets are cheap, when all of it cannot be
+# proved, and geometric halvings after the first that fails.
+_CUTS, _HALVINGS = (1e-4, 1e-3, 4e-3, 0.016, 0.064, 0.25, 0.5), 2
 
 
 @dataclass(frozen=True)
@@ -113,23 +115,17 @@ def _largest(search: Callable[[float, int], Cover], top: float, budget: int, sma
     if found.complete or not smaller:
         return found, top if found.complete else 0.0, reason, boxes
     good, bad = 0.0, top
-    cuts = [top * part for part in _FIRST_CUTS]
-    for attempt in range(len(_FIRST_CUTS) + _HALVINGS):
-        if good:
-            if attempt >= len(_FIRST_CUTS):
-                break
-            level = (good + bad) / 2
-        elif cuts:
-            level = cuts.pop(0)
-        else:
-            break
-        tried = search(level, budget // 2)
+    levels = [top * part for part in _CUTS]
+    for _ in range(len(_CUTS) + _HALVINGS):
+        level = levels.pop(0) if levels else math.sqrt(good * bad)
+        tried = search(level, budget)
         boxes += tried.boxes
         if tried.complete:
             found, good = tried, level
+        elif not good:
+            break
         else:
-            bad = level
-            reason = tried.reason if good else reason
+            bad, levels = level, []
     return found, good, reason, boxes
 
 

@@ -129,13 +129,19 @@ def test_the_guard_is_not_above_the_smallest_moment(name: str) -> None:
     assert smallest * (1 - 1e-8) < guard < smallest * (1 + 1e-15)
 
 
-def test_beyond_the_guard_the_step_is_not_claimed() -> None:
+@pytest.mark.parametrize(('rate', 'broken'), [
+    ((0.5, 0.0, 0.0), []), ((1.6, 0.0, 0.0), ['free step']),
+    ((0.0, 0.0, 3.3), ['branch of the free step']),
+])
+def test_beyond_guard_and_branch_the_step_is_not_claimed(
+    rate: tuple[float, float, float], broken: list[str],
+) -> None:
     config = configuration(max_torque_n_m=None)
     loop = loop_maker(*describe(config), terminal_design(config).K)()
-    inside = enclosed(loop, np.array([0, 0, 0, 0.5, 0, 0]), np.full(6, 1e-6))
-    outside = enclosed(loop, np.array([0, 0, 0, 0, 0, 2.6]), np.full(6, 1e-6))
-    assert all(ratio < 1 for ratio in inside.ratios.values())
-    assert not all(ratio < 1 for ratio in outside.ratios.values())
+    ratios = enclosed(loop, np.array([0.0, 0.0, 0.0, *rate]), np.full(6, 1e-6)).ratios
+    exceeded = [name for name, ratio in ratios.items() if not ratio < 1]
+    assert set(broken) <= set(exceeded)
+    assert bool(exceeded) == bool(broken)
 
 
 def test_a_momentum_box_without_a_root_gives_nothing() -> None:
