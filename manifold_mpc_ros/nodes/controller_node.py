@@ -14,6 +14,7 @@ from rclpy.duration import Duration
 from sensor_msgs.msg import Imu
 
 from manifold_mpc_ros.config_checks import FloatArray
+from manifold_mpc_ros.config_checks import FloatArray
 from manifold_mpc_ros.config_controller import ControllerConfig
 from manifold_mpc_ros.config_parameters import Value
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
@@ -192,32 +193,26 @@ class AttitudeControllerNode(ManagedNode):
 
     def _on_setpoint(self, message: QuaternionStamped) -> None:
         """Aim at a commanded attitude or count its refusal."""
-        if not self.active:
-            return
-        admitted = admit_setpoint(
+        self._aim('attitude_setpoint', admit_setpoint(
             message.header.frame_id, messages.quaternion_values(message.quaternion),
-            self._config.inertial_frame_id)
-        if isinstance(admitted, Refusal):
-            self.refusals.add('attitude_setpoint', admitted)
-        else:
-            self._aim(admitted)
+            self._config.inertial_frame_id))
 
     def _on_direction(self, message: Vector3Stamped) -> None:
         """Point the axis along a commanded direction or count its refusal."""
-        if not self.active:
-            return
         admitted = admit_direction(
             message.header.frame_id, messages.vector_values(message.vector),
             self._config.inertial_frame_id)
-        if isinstance(admitted, Refusal):
-            self.refusals.add('direction_setpoint', admitted)
-        else:
-            self._aim(attitude_towards(self._config.mpc, admitted))
+        self._aim('direction_setpoint', admitted if isinstance(admitted, Refusal)
+                  else attitude_towards(self._config.mpc, admitted))
 
-    def _aim(self, R_ND: FloatArray) -> None:
-        """Aim at a commanded attitude and count it."""
-        self._loop.aim(R_ND)
-        self._setpoints += 1
+    def _aim(self, topic: str, admitted: FloatArray | Refusal) -> None:
+        """Take a commanded attitude R_ND while active, or count why it is none."""
+        if not self.active:
+            return
+        if isinstance(admitted, Refusal):
+            self.refusals.add(topic, admitted)
+        else:
+            self._loop.aim(admitted)
 
     def _on_tick(self) -> None:
         """Publish the command that is due."""
