@@ -23,12 +23,11 @@ if TYPE_CHECKING:
 
 SUMMARY = 'Prove the conditions of the terminal set on all of it and write a certificate.'
 EXAMPLES = """\
-  manifold-mpc certify --output certificate.json
-      the shipped controller, on every core; status 0 only if all of its terminal set is certified
+  manifold-mpc certify
+      the shipped controller, on every core, to certificate.json; status 0 only if all of its
+      terminal set is certified
   manifold-mpc certify mine.yaml --output mine.json
       another parameter file
-  manifold-mpc verify certificate.json
-      prove the same again, from the file alone
 
 needs the package python-flint (pip install python-flint)
 """

@@ -13,8 +13,10 @@ from manifold_mpc_ros.errors import ManifoldMpcError
 
 SUMMARY = 'Re-check a certificate of a terminal set; its stored verdicts are not believed.'
 EXAMPLES = """\
-  manifold-mpc verify certificate.json
-      rebuild the problem that the file describes and prove its claim again
+  manifold-mpc verify
+      rebuild the problem that certificate.json describes and prove its claim again
+  manifold-mpc verify mine.json --workers 1
+      another certificate, on one core
 
 needs the package python-flint (pip install python-flint)
 """
@@ -22,7 +24,9 @@ needs the package python-flint (pip install python-flint)
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
-    parser.add_argument('certificate', type=Path, metavar='FILE', help='the certificate')
+    parser.add_argument(
+        'certificate', nargs='?', type=Path, default=Path('certificate.json'), metavar='FILE',
+        help='the certificate (default: %(default)s)')
     add_effort(parser)
 
 

@@ -95,7 +95,7 @@ def test_without_the_package_one_message_names_it(
 
 @pytest.mark.parametrize('arguments', [
     ('certify', '--margin', '0'), ('certify', '--workers', '0'), ('certify', '--budget', 'x'),
-    ('verify',), ('verify', 'no_such_file.json'),
+    ('verify', 'no_such_file.json'),
 ])
 def test_mistakes_are_one_line(command: Command, arguments: tuple[str, ...]) -> None:
     status, _, err = command(*arguments)
