@@ -14,7 +14,6 @@ from rclpy.duration import Duration
 from sensor_msgs.msg import Imu
 
 from manifold_mpc_ros.config_checks import FloatArray
-from manifold_mpc_ros.config_checks import FloatArray
 from manifold_mpc_ros.config_controller import ControllerConfig
 from manifold_mpc_ros.config_parameters import Value
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
