@@ -212,6 +212,7 @@ class AttitudeControllerNode(ManagedNode):
             self.refusals.add(topic, admitted)
         else:
             self._loop.aim(admitted)
+            self._setpoints += 1
 
     def _on_tick(self) -> None:
         """Publish the command that is due."""
