@@ -41,6 +41,7 @@ TEST = [
     'colcon-ros',
     'empy==3.3.4',
     'hypothesis',
+    'mcap',
     'mypy',
     'pytest<9',
     'pytest-timeout',

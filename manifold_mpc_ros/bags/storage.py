@@ -29,7 +29,7 @@ from rosbags.rosbag2.storage_mcap import (
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 
 #: Size of a chunk that ends it [byte].
-CHUNK_BYTES = 1 << 16
+CHUNK_BYTES = 1 << 14
 _MESSAGE = 0x05
 #: Where a chunk record has its checksum: opcode, length, two times, uncompressed size.
 _CRC_OFFSET = 1 + 8 + 8 + 8 + 8

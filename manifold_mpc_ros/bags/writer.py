@@ -160,8 +160,14 @@ class BagWriter:
 
 def remove_bag(path: Path) -> None:
     """Remove a bag that is to be overwritten; raises BagError for anything that is not one."""
-    if path.is_dir() and (any(path.glob('*.mcap')) or any(path.glob('*.db3'))
-                          or (path / 'metadata.yaml').is_file() or not any(path.iterdir())):
+    if path.is_dir() and all(_belongs_to_a_bag(file) for file in path.iterdir()):
         shutil.rmtree(path)
     elif path.exists():
-        raise BagError(f'{path}: exists and is not a bag; it is not overwritten')
+        raise BagError(f'{path}: exists and is more, or other, than a bag; it is not overwritten')
+
+
+def _belongs_to_a_bag(file: Path) -> bool:
+    """Say whether a file is one that rosbag2 or this writer makes."""
+    return file.is_file() and (file.name in ('metadata.yaml', _RESERVE_NAME)
+                               or file.name.partition('.db3')[1] == '.db3'
+                               or file.suffix == '.mcap')
