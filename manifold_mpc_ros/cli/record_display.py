@@ -10,7 +10,7 @@ from types import TracebackType
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-PLAIN_LINE_PERIOD_S = 5.0
+PLAIN_LINE_PERIOD_S = 2.0
 
 
 class RecordDisplay:
@@ -20,6 +20,7 @@ class RecordDisplay:
         """Choose between bar and lines."""
         self._console, self._duration_s = console, duration_s
         self._next_line_s = 0.0
+        self._said_end = False
         self._bar = Progress(
             TextColumn('{task.description}'), BarColumn(),
             TextColumn('{task.completed:.1f} of {task.total:g} s simulated'),
@@ -48,7 +49,10 @@ class RecordDisplay:
         shown_s = min(time_s, self._duration_s)
         if self._bar is not None:
             self._bar.update(self._task, completed=shown_s, description='recording')
+        elif self._said_end:
+            return
         elif time.monotonic() >= self._next_line_s or shown_s >= self._duration_s:
+            self._said_end = shown_s >= self._duration_s
             self._next_line_s = time.monotonic() + PLAIN_LINE_PERIOD_S
             self._say(f'{shown_s:g} of {self._duration_s:g} s simulated')
 

@@ -61,7 +61,6 @@ class Recording:
         Raises ManifoldMpcError when a node ends, refuses its configuration, or the limit is
         reached.
         """
-        from lifecycle_msgs.msg import Transition
         self._deadline_s = time.monotonic() + limit_s
         for node, module in _NODES.items():
             self._processes.start(
@@ -69,15 +68,15 @@ class Recording:
         for node in _NODES:
             self._recorder.meet(node, self._watch_start)
         for node in _NODES:
-            self._transition(node, Transition.TRANSITION_CONFIGURE)
+            self._require(node, self._recorder.configure(node, self._watch_start))
         parameters = {node: self._recorder.parameters(node, self._watch_start)
                       for node in _NODES}
-        self._transition(CONTROLLER_NAME, Transition.TRANSITION_ACTIVATE)
+        self._activate(CONTROLLER_NAME)
         self._recorder.until(lambda: 'backend' in self._recorder.controller, self._watch_start)
         self._describe(parameters)
         self._recorder.begin()
         self._inputs.command_first(self._watch_start)
-        self._transition(SIMULATOR_NAME, Transition.TRANSITION_ACTIVATE)
+        self._activate(SIMULATOR_NAME)
         self._recorder.until(lambda: self._state_ns > 0, self._watch_start)
 
     def run(self, progress: Progress) -> None:
@@ -128,18 +127,21 @@ class Recording:
 
         self._recorder.until(said, self._recorder.tend)
 
-    def _transition(self, node: str, number: int) -> None:
-        """Take a node through a transition, or say why it refused."""
-        if not self._recorder.transition(node, number, self._watch_start):
+    def _activate(self, node: str) -> None:
+        """Let a node act."""
+        self._require(node, self._recorder.activate(node, self._watch_start))
+
+    def _require(self, node: str, succeeded: bool) -> None:
+        """Say why a node refused, where it did."""
+        if not succeeded:
             process = next(each for each in self._processes.nodes if each.name == _NODES[node])
             raise ManifoldMpcError(f'the {process.name} refused: {process.last_words()}')
 
     def _describe(self, parameters: dict[str, dict[str, object]]) -> None:
         """Write where the bag comes from, as its first message and into its metadata."""
-        import rclpy
         description = RunDescription(
             scenario_name=self._scenario.name, scenario_text=self._scenario.text,
-            versions=provenance.versions(rclpy.get_rmw_implementation_identifier()),
+            versions=provenance.versions(self._recorder.middleware),
             backend=self._recorder.controller['backend'],
             controller_parameters=parameters[CONTROLLER_NAME],
             simulator_parameters=parameters[SIMULATOR_NAME], topics=self._plan.roles)

@@ -94,8 +94,21 @@ class Listener:
         """Wait until a lifecycle node answers: it then knows this one and its subscriptions."""
         self.ask(GetState, f'/{node}/get_state', GetState.Request(), watch)
 
-    def transition(self, node: str, number: int, watch: Watch) -> bool:
-        """Ask a node that was met for a transition, once; return whether it succeeded."""
+    @property
+    def middleware(self) -> str:
+        """The ROS middleware in use."""
+        return str(rclpy.get_rmw_implementation_identifier())
+
+    def configure(self, node: str, watch: Watch) -> bool:
+        """Configure a lifecycle node; return whether it did."""
+        return self._transition(node, Transition.TRANSITION_CONFIGURE, watch)
+
+    def activate(self, node: str, watch: Watch) -> bool:
+        """Activate a lifecycle node; return whether it did."""
+        return self._transition(node, Transition.TRANSITION_ACTIVATE, watch)
+
+    def _transition(self, node: str, number: int, watch: Watch) -> bool:
+        """Ask a node for a transition, once; return whether it succeeded."""
         client = self.node.create_client(ChangeState, f'/{node}/change_state')
         try:
             self.until(client.service_is_ready, watch)

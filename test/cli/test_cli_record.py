@@ -18,7 +18,6 @@ import numpy as np
 import pytest
 import yaml
 
-from manifold_mpc_ros.bags.reader import read_bag
 from manifold_mpc_ros.bags.run import BagRun, read_run
 from manifold_mpc_ros.cli.processes import node_environment
 
@@ -54,14 +53,14 @@ def record(*arguments: object) -> subprocess.CompletedProcess[str]:
                           capture_output=True, check=False, timeout=200)
 
 
-def record_until_running(*arguments: object) -> subprocess.Popen[str]:
-    """Start a recording and return when simulated time goes on."""
+def record_until(line_of_time: str, *arguments: object) -> subprocess.Popen[str]:
+    """Start a recording and return when it has printed a simulated time of this form."""
     pytest.importorskip('rclpy')
     process = subprocess.Popen([*RECORD, *map(str, arguments)], env=environment(), text=True,
                                stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     assert process.stdout is not None
     for line in process.stdout:
-        if re.match(r'[1-9]\d*\.?\d* of \d+ s simulated', line):
+        if re.fullmatch(rf'{line_of_time} of \d+ s simulated\n', line):
             return process
     raise AssertionError(process.communicate())
 
@@ -90,7 +89,9 @@ def test_two_recordings_in_lockstep_have_the_same_bits(tmp_path: Path) -> None:
     for run in runs:
         assert run.warnings == ()
         assert run.outcome == 'complete'
-        assert run.contents.custom['lost'] == '{}'
+        notes = run.contents.custom
+        assert json.loads(notes['lost']) == json.loads(notes['unrecorded']) == {}
+        assert json.loads(notes['link_losses']) == {'/odometry': 0}
         assert np.allclose(run.states.time_s, 0.5 * np.arange(11), rtol=0, atol=1e-12)
         assert len(run.commands) == len(run.ticks) == len(run.predictions) == 11
         assert set(run.ticks.mode) == {'NOMINAL'}
@@ -126,8 +127,8 @@ def described(run: BagRun, given: Path) -> None:
 
 def test_a_node_that_crashes_leaves_a_readable_bag(tmp_path: Path) -> None:
     bag = tmp_path / 'bag'
-    process = record_until_running(
-        scenario(tmp_path, duration_s=500.0, time={'mode': 'wall'}), '-o', bag)
+    process = record_until(r'[\d.]+', scenario(
+        tmp_path, duration_s=500.0, time={'mode': 'wall'}, setpoints=SETPOINTS[:1]), '-o', bag)
     os.kill(child(process, 'controller'), signal.SIGKILL)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 2
@@ -137,14 +138,14 @@ def test_a_node_that_crashes_leaves_a_readable_bag(tmp_path: Path) -> None:
     run = read_run(bag)
     assert run.warnings == ()
     assert run.outcome.startswith('failed: the controller ended')
-    assert len(run.states) > 3
-    assert run.states.time_s[-1] < 500.0
+    assert 0 < len(run.states) < 1000
+    assert len(run.setpoints) == 1
 
 
 def test_ctrl_c_ends_the_nodes_and_leaves_a_readable_bag(tmp_path: Path) -> None:
     bag = tmp_path / 'bag'
-    process = record_until_running(
-        scenario(tmp_path, duration_s=500.0, time={'mode': 'clock', 'factor': 2.0},
+    process = record_until(
+        r'[1-9][\d.]*', scenario(tmp_path, duration_s=500.0, time={'mode': 'clock', 'factor': 2.0},
                  faults={'state_link': {'drop_probability': 0.3, 'delay_s': 0.02, 'seed': 1}}),
         '-o', bag)
     nodes = [child(process, module) for module in ('controller', 'simulator')]
@@ -203,11 +204,3 @@ def test_a_controller_that_refuses_leaves_nothing(tmp_path: Path) -> None:
     assert done.returncode == 2
     assert done.stderr.count('\n') == 1
     assert not (tmp_path / 'bag').exists()
-
-
-def test_the_notes_of_a_bag_are_json(tmp_path: Path) -> None:
-    done = record(scenario(tmp_path, duration_s=0.5), '-o', tmp_path / 'bag')
-    assert done.returncode == 0, done.stdout + done.stderr
-    custom = read_bag(tmp_path / 'bag').custom
-    for key in ('lost', 'link_losses', 'unrecorded', 'checksums', 'run_description'):
-        assert isinstance(json.loads(custom[key]), dict)
