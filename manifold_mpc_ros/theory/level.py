@@ -120,8 +120,9 @@ def closed_form_limits(problem: ManifoldProblem, covariance: Array, k: Array
                            _chart_levels(problem.controls.chart_radii, spread)])
     limits = {'chart': float(ends.min())}
     if problem.control_limits is not None:
-        limits[problem.control_name] = float(
-            np.min(np.square(problem.control_limits) / np.diag(spread)))
+        with np.errstate(divide='ignore'):  # a control that the law leaves alone has no end
+            limits[problem.control_name] = float(
+                np.min(np.square(problem.control_limits) / np.diag(spread)))
     if not np.isfinite(min(limits.values())):
         size = np.max(np.diag(covariance) / np.square(problem.state_units))
         limits['search'] = _FAR ** 2 / float(size)
