@@ -26,7 +26,7 @@ def test_both_pages_have_examples() -> None:
 def test_an_example_runs(name: str, tmp_path: Path) -> None:
     path = os.pathsep.join([str(TOP), *filter(None, [os.environ.get('PYTHONPATH')])])
     done = subprocess.run(
-        [sys.executable, '-W', 'error', '-c', EXAMPLES[name]], cwd=tmp_path, text=True, check=False,
-        capture_output=True, timeout=120, env=dict(os.environ, PYTHONPATH=path))
+        [sys.executable, '-W', 'error', '-c', EXAMPLES[name]], cwd=tmp_path, text=True,
+        check=False, capture_output=True, timeout=120, env=dict(os.environ, PYTHONPATH=path))
     assert done.returncode == 0, done.stderr
     assert done.stderr == ''
