@@ -26,7 +26,7 @@ EXAMPLES = """\
   manifold-mpc certify
       the shipped controller, on every core, to certificate.json; status 0 only if all of its
       terminal set is certified
-  manifold-mpc certify mine.yaml --output mine.json
+  manifold-mpc certify --controller-config mine.yaml --output mine.json
       another parameter file
 
 needs the package python-flint (pip install python-flint)
@@ -35,9 +35,7 @@ needs the package python-flint (pip install python-flint)
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
-    parser.add_argument(
-        'config', nargs='?', type=Path, metavar='CONFIG',
-        help='parameter file of the controller (default: the shipped controller.yaml)')
+    shared.add_controller_config(parser)
     parser.add_argument(
         '--output', type=Path, default=Path('certificate.json'), metavar='FILE',
         help='file for the certificate (default: %(default)s)')
@@ -72,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     from manifold_mpc_ros.problems.certification import certify_problem
     from manifold_mpc_ros.problems.enclosures import describe
     from manifold_mpc_ros.theory.certificate import write_certificate
-    path = shared.controller_config_path(arguments.config)
+    path = shared.controller_config_path(arguments.controller_config)
     kind, values = describe(AttitudeMpcConfig.from_yaml(path))
     console = report.make_console()
     console.print(f'Controller: {path}', soft_wrap=True, markup=False)

@@ -26,7 +26,7 @@ def weak(write_config: Callable[..., Path]) -> Path:
 
 def test_certify_then_verify(command: Command, weak: Path, tmp_path: Path) -> None:
     output = tmp_path / 'certificate.json'
-    status, out, err = command('certify', weak, '--output', output, *ALONE)
+    status, out, err = command('certify', '--controller-config', weak, '--output', output, *ALONE)
     assert (status, err) == (0, '')
     certificate = read_certificate(output)
     assert certificate.complete
@@ -44,7 +44,8 @@ def test_pointing_is_certified_too(
 ) -> None:
     path = write_config('controller', **{
         'limits.max_torque_n_m': [0.03] * 3, 'target': 'pointing'})
-    status, out, _ = command('certify', path, '--output', tmp_path / 'p.json', *ALONE)
+    status, out, _ = command('certify', '--controller-config', path, '--output',
+                             tmp_path / 'p.json', *ALONE)
     assert status == 0
     assert 'pointing' in out
 
@@ -54,7 +55,8 @@ def test_what_is_not_all_certified_is_no_success(
 ) -> None:
     path = write_config('controller', **{'limits.max_torque_n_m': [float('inf')] * 3})
     output = tmp_path / 'part.json'
-    status, out, _ = command('certify', path, '--output', output, '--budget', '4', *ALONE)
+    status, out, _ = command('certify', '--controller-config', path, '--output', output,
+                             '--budget', '4', *ALONE)
     assert status == 1
     assert 'why not all of it' in out
     assert 'certified on all' not in out
@@ -65,7 +67,7 @@ def test_a_tampered_file_is_refused_with_the_reason(
     command: Command, weak: Path, tmp_path: Path,
 ) -> None:
     output = tmp_path / 'certificate.json'
-    assert command('certify', weak, '--output', output, *ALONE)[0] == 0
+    assert command('certify', '--controller-config', weak, '--output', output, *ALONE)[0] == 0
     content = json.loads(output.read_text(encoding='utf-8'))
     content['certified_level'] *= 2
     output.write_text(json.dumps(content), encoding='utf-8')
@@ -84,7 +86,7 @@ def test_without_the_package_one_message_names_it(
                  or name.endswith('enclosure')]:
         monkeypatch.delitem(sys.modules, name)
     (tmp_path / 'any.json').write_text('{}', encoding='utf-8')
-    for arguments in (('certify', weak, '--output', tmp_path / 'x.json'),
+    for arguments in (('certify', '--controller-config', weak, '--output', tmp_path / 'x.json'),
                       ('verify', tmp_path / 'any.json')):
         status, _, err = command(*arguments)
         assert status == 2
