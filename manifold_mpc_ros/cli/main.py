@@ -16,8 +16,8 @@ from manifold_mpc_ros.errors import ManifoldMpcError
 
 PROGRAM = 'manifold-mpc'
 # One module of this folder for each verb, with SUMMARY, EXAMPLES, add_arguments and run.
-VERBS = ('simulate', 'demo', 'design', 'figures', 'discontinuity', 'campaign', 'domain', 'certify',
-         'verify', 'record')
+VERBS = ('demo', 'simulate', 'design', 'certify', 'verify', 'domain', 'discontinuity', 'campaign',
+         'record', 'figures')
 
 EXIT_SUCCESS = 0
 EXIT_NOT_ACHIEVED = 1

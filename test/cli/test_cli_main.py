@@ -40,7 +40,7 @@ def test_each_verb_has_help_with_examples(command: Command, verb: str) -> None:
     assert status == 0
     assert err == ''
     assert out.startswith(f'usage: manifold-mpc {verb}')
-    assert f'  manifold-mpc {verb}\n' in out.partition('examples:')[2]
+    assert re.search(rf'^  manifold-mpc {verb}\b', out.partition('examples:')[2], re.MULTILINE)
 
 
 @pytest.mark.parametrize('verb', cli.VERBS)
@@ -56,7 +56,7 @@ def test_the_help_lists_every_verb_and_the_exit_statuses(command: Command) -> No
     status, out, err = command('--help')
     assert (status, err) == (0, '')
     for verb in cli.VERBS:
-        assert f'    {verb} ' in out
+        assert re.search(rf'^    {verb}\s', out, re.MULTILINE)
     assert 'exit status:' in out
 
 
