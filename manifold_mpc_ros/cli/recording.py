@@ -34,6 +34,8 @@ _NODES = {CONTROLLER_NAME: 'controller', SIMULATOR_NAME: 'simulator'}
 STANDSTILL_S = 60.0
 #: The last tick's diagnostics and plan are waited for no longer than this [s].
 GRACE_S = 2.0
+#: What the other topics say of the last state is on its way for so long [s].
+SETTLE_S = 0.05
 NANOSECONDS = 1_000_000_000
 
 #: Told the simulated time of the newest state [s] at every look.
@@ -126,6 +128,7 @@ class Recording:
                 known and planned)
 
         self._recorder.until(said, self._recorder.tend)
+        self._recorder.spin(SETTLE_S)
 
     def _activate(self, node: str) -> None:
         """Let a node act."""

@@ -113,8 +113,9 @@ class BagRecorder(Listener):
             self._writer.flush()
 
     def lost(self) -> dict[str, int]:
-        """Return how many messages were missed, by topic."""
-        return {name: count.lost for name, count in sorted(self._counts.items()) if count.lost}
+        """Return how many messages of the stamped topics were missed, by topic."""
+        return {name: count.lost for name, count in sorted(self._counts.items())
+                if name in self._stamped and count.lost}
 
     def _look(self) -> None:
         """Subscribe to topics that are new."""
