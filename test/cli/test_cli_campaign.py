@@ -17,6 +17,7 @@ from typing import Any
 
 import campaign_stubs as stubs
 import pytest
+from interruptible import take_interrupts
 
 from manifold_mpc_ros.config import AttitudeMpcConfig
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
@@ -193,6 +194,7 @@ def test_ctrl_c_ends_all_processes_without_a_traceback(
         [sys.executable, '-m', 'manifold_mpc_ros.cli.main', *map(str, small), '--random', '9999',
          '--workers', '2', '--controller-config', str(quick_controller)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        preexec_fn=take_interrupts,
         env=dict(os.environ, PYTHONPATH=os.pathsep.join(
             [str(TOP), *filter(None, [os.environ.get('PYTHONPATH')])])))
     assert process.stdout is not None

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from interruptible import take_interrupts
 from matplotlib.image import imread
 
 from manifold_mpc_ros.config import AttitudeMpcConfig
@@ -164,7 +165,8 @@ def test_an_interrupt_ends_it(quick: Path, tmp_path: Path) -> None:
         [sys.executable, '-m', 'manifold_mpc_ros.cli.main', 'domain', '--controller-config',
          str(quick), '--states', '3000', '--no-picture', '--workers', '2', '--output',
          str(tmp_path)], env=dict(os.environ, PYTHONPATH=path), text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True,
+        preexec_fn=take_interrupts)
     assert process.stdout is not None
     for line in process.stdout:
         if line.startswith('round 2'):

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from interruptible import take_interrupts
 
 from manifold_mpc_ros.bags.run import BagRun, read_run
 from manifold_mpc_ros.cli.processes import node_environment
@@ -57,7 +58,8 @@ def record_until(line_of_time: str, *arguments: object) -> subprocess.Popen[str]
     """Start a recording and return when it has printed a simulated time of this form."""
     pytest.importorskip('rclpy')
     process = subprocess.Popen([*RECORD, *map(str, arguments)], env=environment(), text=True,
-                               stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+                               stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                               preexec_fn=take_interrupts)
     assert process.stdout is not None
     for line in process.stdout:
         if re.fullmatch(rf'{line_of_time} of \d+ s simulated\n', line):

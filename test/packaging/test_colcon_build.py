@@ -36,8 +36,10 @@ def test_share_holds_configuration_launch_files_and_manifest(colcon_prefix: Path
 def test_only_the_symlink_build_links_to_the_sources(colcon_prefix: Path, checkout: Path) -> None:
     links = is_symlink_install(colcon_prefix)
     share = colcon_prefix / 'share' / PACKAGE / 'config'
-    for installed in share.iterdir():
-        original = checkout / 'config' / installed.name
+    files = [path for path in share.rglob('*') if not path.is_dir()]
+    assert {path.name for path in files} >= {'controller.yaml', 'tumble_recovery.yaml'}
+    for installed in files:
+        original = checkout / 'config' / installed.relative_to(share)
         assert installed.is_symlink() == links
         assert installed.samefile(original) == links
 
