@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 _SPIN_S = 0.1
 #: A publisher outlives its last message by this, or readers may drop both together [s].
 _LINGER_S = 0.05
+#: A request to end at once that has not been heeded is repeated after this [s].
+_AGAIN_S = 0.05
 
 
 class StopRequest:
@@ -34,20 +36,28 @@ class StopRequest:
 
     rclpy's own handlers would take the context away before a last command could be sent, so the
     process uses these. While nothing has started yet, or the node is busy configuring (the solver
-    may take seconds to build), the signal ends the process at once through SystemExit(0).
+    may take seconds to build), the signal ends the process at once through SystemExit(0). CasADi
+    calls Python back from C++ and drops what is raised there, so the exception is raised again
+    until it gets through.
     """
 
     def __init__(self) -> None:
         """Take over both signals."""
         self.requested = False
         self.at_once: Callable[[], bool] = lambda: True
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
             signal.signal(number, self._handle)
+
+    def heeded(self) -> None:
+        """Raise no more: the process is on its way out."""
+        self.at_once = lambda: False
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
 
     def _handle(self, _number: int, _frame: FrameType | None) -> None:
         """Note the request; unwind now where that is allowed."""
         self.requested = True
         if self.at_once():
+            signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
             raise SystemExit(0)
 
 
@@ -57,6 +67,16 @@ def run(program: Program, node_class: str, argv: Sequence[str] | None = None) ->
     ``node_class`` is 'module:Class', imported late, so that ``--help`` needs no ROS.
     """
     stop = StopRequest()
+    try:
+        return _run_checked(program, node_class, argv, stop)
+    finally:
+        stop.heeded()
+
+
+def _run_checked(
+    program: Program, node_class: str, argv: Sequence[str] | None, stop: StopRequest,
+) -> int:
+    """Check arguments and parameter files, then run the node."""
     arguments = parse_arguments(program, sys.argv[1:] if argv is None else argv)
     try:
         for path in arguments.parameter_files:
@@ -70,7 +90,7 @@ def run(program: Program, node_class: str, argv: Sequence[str] | None = None) ->
     try:
         return _run_with_ros(program, node_class, arguments, stop)
     finally:
-        stop.at_once = lambda: False
+        stop.heeded()
         rclpy.try_shutdown()
 
 
@@ -94,6 +114,7 @@ def _run_with_ros(
     try:
         return _live(node, stop)
     finally:
+        stop.heeded()
         node.destroy_node()
 
 
