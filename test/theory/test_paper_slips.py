@@ -9,6 +9,8 @@ has to be negative definite for a terminal set to exist.
 
 from __future__ import annotations
 
+from functools import partial
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -21,7 +23,11 @@ from manifold_mpc_ros.dynamics.lgvi import cayley_step, nonstandard_inertia, ric
 from manifold_mpc_ros.errors import DesignError
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.problems.attitude import attitude_problem
+from manifold_mpc_ros.theory.certify import prove
+from manifold_mpc_ros.theory.enclosure import Loop, Memory, exact
 from manifold_mpc_ros.theory.existence import check_existence
+from manifold_mpc_ros.theory.flint_backend import arb
+from manifold_mpc_ros.theory.jets import Jet
 from manifold_mpc_ros.theory.level import largest_level
 from manifold_mpc_ros.theory.linearisation import Linearisation, linearise
 from manifold_mpc_ros.theory.riccati import solve_riccati
@@ -39,6 +45,26 @@ def decrease(linear: Linearisation, scale: float, P: Array, K: Array) -> Array:
 def radius(linear: Linearisation, K: Array) -> float:
     """Return the spectral radius of A + B K."""
     return float(np.abs(np.linalg.eigvals(linear.A + linear.B @ K)).max())
+
+
+class LinearLoop:
+    """The enclosed loop ``xi+ = (A + B K) xi`` without limits; L is quadratic, lambda = 1/2."""
+
+    control_limits = None
+
+    def __init__(self, linear: Linearisation, K: Array) -> None:
+        self.dimension = len(linear.A)
+        self.chart_radii = ((self.dimension, arb.pos_inf()),)
+        self._loop = exact(linear.A + linear.B @ K)
+        self.weight = exact(0.5 * (linear.Q + K.T @ linear.R @ K))
+
+    def check_cost(self) -> str | None:
+        return None
+
+    def advance(self, xi: list[Jet], memory: Memory) -> Loop:  # noqa: ARG002
+        rows = range(self.dimension)
+        return Loop([sum((self._loop[i, j] * xi[j] for j in rows[1:]), self._loop[i, 0] * xi[0])
+                     for i in rows], {})
 
 
 def printed_riccati(A: Array, B: Array, Q: Array, R: Array) -> tuple[Array, Array]:
@@ -79,6 +105,11 @@ def test_the_printed_riccati_equation() -> None:
     with pytest.raises(DesignError, match="condition 'decrease' near the equilibrium"):
         largest_level(problem, P, K)
     assert largest_level(problem, right.P, right.K).level > 0
+    proof = prove(partial(LinearLoop, square, K), (P + P.T) / 2, K, 1.0, smaller=False)
+    assert not proof.complete
+    assert proof.reason.startswith('decrease at the equilibrium')
+    assert prove(partial(LinearLoop, square, right.K), (right.P + right.P.T) / 2, right.K,
+                 1.0, smaller=False).complete
 
 
 @pytest.mark.parametrize(('moments', 'outcome'), [
