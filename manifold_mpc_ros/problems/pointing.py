@@ -24,35 +24,14 @@ import numpy as np
 from manifold_mpc_ros.config import AttitudeMpcConfig
 from manifold_mpc_ros.lie.symbolic import rotation_from_quaternion
 from manifold_mpc_ros.problems.rigid_body import RigidBody
-from manifold_mpc_ros.theory.manifold import Euclidean, Product, RotationGroup, Sphere
+from manifold_mpc_ros.theory.manifold import Sphere
 from manifold_mpc_ros.theory.problem import ManifoldProblem
 
 
 def pointing_problem(config: AttitudeMpcConfig) -> ManifoldProblem:
     """Map a configuration to its pointing problem (its ``target`` is not looked at)."""
-    body = RigidBody(config)
     axis = np.asarray(config.pointing_axis_B)
-
-    def step(x: ca.SX, torque: ca.SX) -> ca.SX:
-        motion = body.motion(x[3:7], torque)
-        return ca.vertcat(rotation_from_quaternion(motion.turn).T @ x[0:3], motion.step)
-
-    def stage_cost(x: ca.SX, torque: ca.SX) -> ca.SX:
-        off = x[0:3] - axis
-        return (config.pointing_weight / 2 * ca.dot(off, off)
-                + body.motion_cost(x[3:7], torque))
-
-    return ManifoldProblem(
-        name='pointing',
-        states=Product(Sphere(axis), RotationGroup(scale=config.step_s)),
-        controls=Euclidean(3),
-        step=step,
-        stage_cost=stage_cost,
-        terminal_scale=config.terminal_scale,
-        state_units=np.array([1.0] * 2 + [body.rate_unit] * 3),
-        control_units=np.full(3, body.torque_unit),
-        control_limits=config.max_torque_n_m,
-        control_name='torque',
-        state_limits={'rate': lambda x: body.rate_limits(x[3:7])} if body.limited else {},
-        existence=lambda x, torque: body.load(x[3:7], torque),
-    )
+    return RigidBody(config).problem(
+        'pointing', Sphere(axis),
+        lambda gamma, turn: rotation_from_quaternion(turn).T @ gamma,
+        lambda gamma: config.pointing_weight / 2 * ca.sumsqr(gamma - axis))

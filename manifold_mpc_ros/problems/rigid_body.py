@@ -11,6 +11,7 @@ The state's step f is the *free* step of the body, the paper's f_k; it is a unit
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import casadi as ca
@@ -19,7 +20,14 @@ import numpy as np
 from manifold_mpc_ros.config import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics.symbolic import cayley_step
 from manifold_mpc_ros.lie.symbolic import cayley_quaternion, rotation_from_quaternion
-from manifold_mpc_ros.theory.manifold import Array
+from manifold_mpc_ros.theory.manifold import (
+    Array,
+    Euclidean,
+    Manifold,
+    Product,
+    RotationGroup,
+)
+from manifold_mpc_ros.theory.problem import ManifoldProblem
 
 # Where the turn of a step is not guaranteed up to this part of the guard, it is not computed.
 _INSIDE = 0.999
@@ -37,6 +45,7 @@ class RigidBody:
 
     def __init__(self, config: AttitudeMpcConfig) -> None:
         """Keep the constants of a configuration."""
+        self._config = config
         self.h = config.step_s
         self.symmetric = config.forcing == 'symmetric'
         self.inertia = np.asarray(config.inertia_kg_m2)
@@ -48,6 +57,36 @@ class RigidBody:
         self.max_rate = np.full(3, np.inf) if limit is None else np.asarray(limit)
         self.rate_unit = 1 / self.h
         self.torque_unit = float(np.trace(self.inertia)) / 3 / self.h ** 2
+
+    def problem(
+        self, name: str, errors: Manifold, turned: Callable[[ca.SX, ca.SX], ca.SX],
+        error_cost: Callable[[ca.SX], ca.SX],
+    ) -> ManifoldProblem:
+        """Return the problem of bringing an error that the body turns to its origin, at rest.
+
+        The state is (error, f) in ``errors`` x SO(3), the input tau_B (3,) [N m]. ``turned`` maps
+        (error, turn (4,)) over one step and ``error_cost`` is the error's part of L.
+        """
+        n, config = errors.ambient, self._config
+
+        def step(x: ca.SX, torque: ca.SX) -> ca.SX:
+            """Return (error+, f+)."""
+            motion = self.motion(x[n:], torque)
+            return ca.vertcat(turned(x[:n], motion.turn), motion.step)
+
+        def stage_cost(x: ca.SX, torque: ca.SX) -> ca.SX:
+            """Return L."""
+            return error_cost(x[:n]) + self.motion_cost(x[n:], torque)
+
+        return ManifoldProblem(
+            name=name, states=Product(errors, RotationGroup(scale=self.h)),
+            controls=Euclidean(3), step=step, stage_cost=stage_cost,
+            terminal_scale=config.terminal_scale,
+            state_units=np.array([1.0] * errors.dimension + [self.rate_unit] * 3),
+            control_units=np.full(3, self.torque_unit),
+            control_limits=config.max_torque_n_m, control_name='torque',
+            state_limits={'rate': lambda x: self.rate_limits(x[n:])} if self.limited else {},
+            existence=lambda x, torque: self.load(x[n:], torque))
 
     def momentum(self, step: ca.SX) -> ca.SX:
         """Map a free step (4,) to its m = h Pi (3,)."""
