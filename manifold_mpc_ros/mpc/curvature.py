@@ -5,7 +5,7 @@
 Everything nonlinear in a stage is a function of the attitude or of the Cayley parameter c of an
 implicit step ``m = 2 (J c + c x J c)/(1 + |c|^2)``. For any psi(c) the Hessian in m is
 ``(dc/dm)^T (psi'' - nu . m'') dc/dm`` with ``nu = (dc/dm)^T psi'``, so the Newton iterations of
-the implicit equation are never differentiated (docs/theory.md, section on the solver).
+the implicit equation are never differentiated (docs/solver.md).
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ class Manifold(Protocol):
     """What the design procedure needs of a manifold M of dimension n.
 
     ``euler_characteristic`` is 0 for SO(3), 2 for S^2, 1 for R^n; ``contractible`` says whether
-    a continuous law could stabilise the origin globally (paper section 2: only on R^n here).
+    a continuous law could stabilise the origin globally (paper section 4: only on R^n here).
     """
 
     @property

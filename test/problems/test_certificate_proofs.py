@@ -78,7 +78,7 @@ def test_covering_boxes_and_processes_prove_the_same() -> None:
 
 
 def test_the_papers_printed_b_has_no_certificate() -> None:
-    """P and K from B = [0; h I] in place of [0; h J^-1] (docs/theory.md, section 5)."""
+    """P and K from B = [0; h I] in place of [0; h J^-1] (docs/theory.md, section 11)."""
     config = configuration(inertia_kg_m2=np.diag([3.0, 2.7, 2.0]), forcing='paper',
                            max_torque_n_m=None)
     design = terminal_design(config)
