@@ -25,7 +25,7 @@ _START, _REPORT = first_row(f.START), first_row(f.FIRST_COST)
 class _Solve(ctypes.Structure):
     """The struct ``solve`` of driver.c."""
 
-    _fields_ = [(name, kind) for kind, names in (
+    _fields_ = [(name, kind) for kind, names in (  # type: ignore[misc]
         (ctypes.c_void_p, 'plan fresh model g'),
         (ctypes.c_double, 'cost logs mu exact stationarity products decrease elapsed_s'),
         (ctypes.c_long, 'horizon flag passes trials')) for name in names.split()]
