@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 
 import numpy as np
 
@@ -44,9 +45,9 @@ class Parts:
         self._parts = {name: Part(name, phases, horizon)
                        for name, phases in program._asdict().items()}
 
-    def run(self, name: str, memory: dict[Slot, Array]) -> None:
-        """Run one part."""
-        self._parts[name](memory)
+    def bind(self, name: str, memory: dict[Slot, Array]) -> Callable[[], None]:
+        """Return what runs a part on some memory."""
+        return self._parts[name].bind(memory)
 
 
 class InterpretedSolver(LocalSolver):
@@ -62,6 +63,8 @@ class InterpretedSolver(LocalSolver):
                                                        else n + 1))
             for memory in (Memory.MODEL, Memory.GLOBAL) for field in memory_fields(memory)}
         self._plan, self._fresh = InterpretedPlan(structure, n), InterpretedPlan(structure, n)
+        self._bound: dict[tuple[str, int, int], Callable[[], None]] = {}
+        self._kept: dict[int, InterpretedPlan] = {}    # plans that the bound parts are bound to
         self._at(f.PARAMETER)[:] = parameters
         self._at(f.INNER)[:n] = 1.0
         self._at(f.LATER)[1:] = 1.0
@@ -77,9 +80,13 @@ class InterpretedSolver(LocalSolver):
     def _run(self, part: str, plan: InterpretedPlan | None = None) -> None:
         """Run a part from a plan (the current one) to the fresh trajectory."""
         old = self._plan if plan is None else plan
-        self._parts.run(part, self._shared | {
-            Slot(field, new): side.memory[field]
-            for new, side in ((False, old), (True, self._fresh)) for field in side.memory})
+        key = part, id(old), id(self._fresh)
+        if key not in self._bound:
+            self._bound[key] = self._parts.bind(part, self._shared | {
+                Slot(field, new): side.memory[field]
+                for new, side in ((False, old), (True, self._fresh)) for field in side.memory})
+            self._kept[id(old)] = old
+        self._bound[key]()
 
     def measure(self, R_NB: Array, R_ND: Array, omega: Array) -> Measure:
         """Set the state."""
