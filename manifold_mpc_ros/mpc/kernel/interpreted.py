@@ -16,7 +16,15 @@ from manifold_mpc_ros.mpc.kernel.barrier import BOUNDARY
 from manifold_mpc_ros.mpc.kernel.layout import memory_fields
 from manifold_mpc_ros.mpc.kernel.passes import Program
 from manifold_mpc_ros.mpc.kernel.phase import Field, Memory
-from manifold_mpc_ros.mpc.kernel.solver import LocalSolver, Measure, Plan, Progress, Report
+from manifold_mpc_ros.mpc.kernel.solver import (
+    Course,
+    LocalSolver,
+    Measure,
+    Plan,
+    Progress,
+    Recording,
+    Report,
+)
 from manifold_mpc_ros.mpc.kernel.structure import Structure
 from manifold_mpc_ros.mpc.kernel.virtual import Part, Slot
 from manifold_mpc_ros.mpc.scaling import Array
@@ -178,6 +186,52 @@ class InterpretedSolver(LocalSolver):
                 self._flag = rules.OUT_OF_TIME
             else:
                 self._one_pass()
+
+    def improve(self, plan: Plan, deadline_s: float = math.inf) -> int:
+        """Improve a plan, one stage ahead."""
+        passes = 0
+        for mu, most in rules.WARM_STARTS:
+            self.begin_shift(mu, plan)
+            self.iterate(most, deadline_s)
+            passes += self._passes
+            if rules.is_converged(self._flag, self.progress.residual) or (
+                    self._flag == rules.OUT_OF_TIME):
+                return passes
+        return -passes
+
+    def set_body(self, inertia: Array, torque: Array) -> None:
+        """Set the body that the loop is closed with."""
+        self._at(f.BODY)[:] = np.concatenate([inertia.ravel(), torque])
+
+    def state(self) -> Array:
+        """Return the state (12,)."""
+        measured = self._at(f.MEASURED)
+        return np.concatenate([measured[:9], measured[18:]])
+
+    def advance(self, torque: Array) -> None:
+        """Move the state on by one step."""
+        self._at(f.APPLIED)[:] = torque
+        self._run('plant')
+
+    def follow(self, plan: Plan, course: Course, recording: Recording, first: int) -> int:
+        """Close the loop as driver.c does."""
+        for tick in range(first, course.ticks):
+            self._run('measure')
+            passes = self.improve(plan)
+            if passes < 0:
+                return tick
+            report = self.report(self._plan)
+            near = self._at(f.MEASURE)[2] < course.near_rad
+            slack = course.promise * max(abs(course.promised), course.least_promise)
+            if (report.terminal_violation > course.violation
+                    or report.rate_violation > course.violation
+                    or not (near or self._cost <= course.promised + slack)):
+                return tick
+            self.keep(plan)
+            recording.record(tick, self.state(), plan, report, passes)
+            course.promised = self._cost - report.first_cost
+            self.advance(plan.torques[0])
+        return int(course.ticks)
 
     @property
     def progress(self) -> Progress:

@@ -121,7 +121,8 @@ class Part:
             buffer.set_res(i, result.data)
         pairs = list(zip(targets, results))
 
-        def run(keep: object = buffer) -> None:
+        def run() -> None:
+            assert buffer is not None  # which evaluate points into, so keep it
             evaluate()
             for target, result in pairs:
                 target[:] = result
