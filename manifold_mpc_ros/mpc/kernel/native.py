@@ -7,6 +7,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -57,16 +58,17 @@ class Library:
     def __init__(self, path: Path) -> None:
         """Load it; raises SolverBuildError when it cannot be loaded."""
         pointer, double, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_long
+        signatures: dict[str, tuple[Any, ...]] = {
+            'prepare': (), 'measure': (), 'begin_slew': (double, pointer, integer),
+            'begin_shift': (double, pointer), 'iterate': (integer, double),
+            'improve': (pointer, double), 'report': (pointer,), 'advance': (),
+            'follow': (pointer, pointer, integer)}
         try:
             library = ctypes.CDLL(str(path))
             self.lanes = int(library.mpc_lane_count())
-            for name, arguments in {
-                    'prepare': [], 'measure': [], 'begin_slew': [double, pointer, integer],
-                    'begin_shift': [double, pointer], 'iterate': [integer, double],
-                    'improve': [pointer, double], 'report': [pointer], 'advance': [],
-                    'follow': [pointer, pointer, integer]}.items():
+            for name, arguments in signatures.items():
                 function = getattr(library, f'mpc_{name}')
-                function.argtypes, function.restype = [pointer, *arguments], integer
+                function.argtypes, function.restype = (pointer, *arguments), integer
                 setattr(self, name, function)
         except (OSError, AttributeError) as error:
             raise SolverBuildError(f'cannot load the compiled solver {path}: {error}') from error
