@@ -104,7 +104,7 @@ def _error(one: CaseSet, config: AttitudeMpcConfig, rng: np.random.Generator, in
     if draw.xyzw is not None:
         return _rotation(draw.xyzw)
     if draw.angle_deg is not None:
-        angle = np.radians(rng.uniform(*draw.angle_deg))
+        angle = np.radians(_between(draw.angle_deg, rng))
         return so3.exp(angle * _unit(rng.normal(size=3)))
     return so3.random_rotations(rng, 1)[0]
 

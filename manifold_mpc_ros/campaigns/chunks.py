@@ -9,7 +9,7 @@ comes out does not depend on who ran what, nor in which order.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -23,10 +23,13 @@ from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.workers import WorkerDiedError, Workers
 
 MakeController: TypeAlias = Callable[[AttitudeMpcConfig, str], PlanningController]
+Chunks: TypeAlias = Generator[list[Outcome], None, None]
 
-# Cases of a chunk, a fraction of a second. An interrupt waits for the chunks that are being run and
-# for the few that are already on their way to a worker.
+# Cases of a chunk, a fraction of a second. An interrupt waits for the chunks that are being run
+# and for the few that are already on their way to a worker.
 CHUNK = 8
+# Pools that may end one after the other, each by the death of a worker, without one chunk done.
+MOST_FRUITLESS = 2
 
 
 class CampaignError(ManifoldMpcError):
@@ -82,7 +85,7 @@ def in_chunks(names: Sequence[CaseName], size: int) -> list[Sequence[CaseName]]:
 
 
 def run_on_processes(work: Work, names: Sequence[CaseName], workers: int
-                     ) -> Iterator[list[Outcome]]:
+                     ) -> Chunks:
     """Yield the outcomes of all cases, a chunk at a time, in whatever order they end.
 
     One worker is this process. A worker that dies is replaced, and what it was running is run
@@ -94,10 +97,11 @@ def run_on_processes(work: Work, names: Sequence[CaseName], workers: int
     CampaignError
         When a case raises, naming it.
     WorkerDiedError
-        When workers die and no chunk ends.
+        When workers die and no chunk ends, twice in a row.
 
     """
     left = in_chunks(names, CHUNK if workers > 1 else 1)
+    fruitless = 0
     while left:
         done: set[int] = set()
         try:
@@ -106,6 +110,7 @@ def run_on_processes(work: Work, names: Sequence[CaseName], workers: int
                     done.add(at)
                     yield outcomes
         except WorkerDiedError:
-            if not done:
+            fruitless = 0 if done else fruitless + 1
+            if fruitless == MOST_FRUITLESS:
                 raise
         left = [chunk for at, chunk in enumerate(left) if at not in done]

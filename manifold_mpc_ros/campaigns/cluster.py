@@ -14,7 +14,14 @@ from contextlib import contextmanager
 from typing import Any
 
 from manifold_mpc_ros.campaigns.case import CaseName
-from manifold_mpc_ros.campaigns.chunks import CHUNK, CampaignError, ChunkRunner, Work, in_chunks
+from manifold_mpc_ros.campaigns.chunks import (
+    CHUNK,
+    CampaignError,
+    ChunkRunner,
+    Chunks,
+    Work,
+    in_chunks,
+)
 from manifold_mpc_ros.campaigns.outcome import Outcome
 from manifold_mpc_ros.campaigns.software import software
 from manifold_mpc_ros.errors import ManifoldMpcError
@@ -38,7 +45,7 @@ class Cluster:
         """Cases that the workers run at a time."""
         return sum(self._client.nthreads().values())
 
-    def run(self, work: Work, names: Sequence[CaseName]) -> Iterator[list[Outcome]]:
+    def run(self, work: Work, names: Sequence[CaseName]) -> Chunks:
         """Yield the outcomes of all cases, a chunk at a time, in whatever order they end.
 
         Closing the iterator cancels what has not been run.
@@ -70,7 +77,7 @@ class Cluster:
 
 @contextmanager
 def connected(address: str) -> Iterator[Cluster]:
-    """Connect to a scheduler that has a worker, and disconnect at the end; raises CampaignError."""
+    """Connect to a scheduler that has a worker, disconnect at the end; raises CampaignError."""
     try:
         from distributed import Client
     except ImportError as error:

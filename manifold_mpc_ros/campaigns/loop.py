@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, TypeAlias
+from typing import Any, Protocol, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,11 +124,11 @@ def _plant(plan: CampaignPlan, case: Case) -> tuple[Body, Callable[[Array], bool
     """Return the simulator's body with what the case drew for it."""
     w, x, y, z = so3.quaternion_from_rotation(case.R_NB)
     config = replace(
-        plan.body, inertia_kg_m2=case.inertia_kg_m2, initial_attitude_xyzw=(x, y, z, w),
+        plan.body, inertia_kg_m2=case.inertia_kg_m2, initial_attitude_xyzw=np.array([x, y, z, w]),
         initial_rate_rad_s=case.omega_BN_B, disturbance_torque_n_m=case.disturbance_n_m,
         attitude_noise_std_rad=case.attitude_noise_std_rad,
         rate_noise_std_rad_s=case.rate_noise_std_rad_s, seed=case.noise_seed)
-    plant = Plant(config, disturbance_frame=case.drawn_from.disturbance.frame)
+    plant = Plant(config, disturbance_frame=cast(Any, case.drawn_from.disturbance.frame))
     substeps = config.steps_per_control
 
     def advance(tau_B: Array) -> bool:

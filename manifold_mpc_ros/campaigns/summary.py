@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from manifold_mpc_ros.config import AttitudeMpcConfig
 from manifold_mpc_ros.campaigns.outcome import Outcome
+from manifold_mpc_ros.config import AttitudeMpcConfig
 
 # Cases listed as the worst in some way, and of those where a solve did not converge.
 WORST, LISTED = 5, 20

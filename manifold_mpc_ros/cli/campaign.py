@@ -9,7 +9,6 @@ import os
 import re
 import signal
 import time
-from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,7 +22,7 @@ from manifold_mpc_ros.errors import ConfigurationError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from manifold_mpc_ros.campaigns.chunks import Work
+    from manifold_mpc_ros.campaigns.chunks import Chunks, Work
     from manifold_mpc_ros.campaigns.journal import Journal
     from manifold_mpc_ros.campaigns.outcome import Outcome
 
@@ -133,7 +132,7 @@ def run(arguments: argparse.Namespace) -> int:
     if not done.outcomes:
         console.print('Interrupted before the first loop ended.')
         return EXIT_INTERRUPTED
-    campaign_report.show(console, plan, done)
+    campaign_report.show(console, plan, done, folder)
     with console.status('Writing the table and the report'):
         written = campaign_files.write(plan, done, folder)
     report.say_written(console, written)
@@ -197,46 +196,51 @@ def _run(console: Console, work: Work, folder: Path, arguments: argparse.Namespa
         if len(todo) < len(names):
             console.print(f'{len(names) - len(todo)} of {len(names)} loops are in {folder}',
                           soft_wrap=True, markup=False)
-        where = 'nothing'
         try:
-            if todo:
-                where = _run_all(console, work, journal, todo, arguments)
+            _run_all(console, work, journal, todo, arguments)
         except KeyboardInterrupt:
             console.print('Interrupted; what follows is what has been done.')
         outcomes = [journal.outcomes[str(name)] for name in names
                     if str(name) in journal.outcomes]
     new = sum(str(name) in journal.outcomes for name in todo)
-    return Run(outcomes, len(names), new, where, time.monotonic() - begin)
+    return Run(outcomes, len(names), new, _where(arguments, todo), time.monotonic() - begin)
 
 
 def _run_all(console: Console, work: Work, journal: Journal, todo: list[CaseName],
-             arguments: argparse.Namespace) -> str:
-    """Run cases and record them; return where they ran."""
+             arguments: argparse.Namespace) -> None:
+    """Run cases and record them."""
     from manifold_mpc_ros.cli.campaign_progress import progress
+    if not todo:
+        return
     with ExitStack() as stack:
-        chunks, where = _started(console, stack, work, todo, arguments)
-        stack.callback(chunks.close)  # type: ignore[attr-defined]
-        advance = stack.enter_context(progress(console, len(todo), where))
+        chunks = _started(console, stack, work, todo, arguments)
+        stack.callback(chunks.close)
+        advance = stack.enter_context(progress(console, len(todo), _where(arguments, todo)))
         for chunk in chunks:
             journal.append(chunk)
             advance(len(chunk), sum(bool(outcome.broken) for outcome in chunk))
-    return where
 
 
 def _started(console: Console, stack: ExitStack, work: Work, todo: list[CaseName],
-             arguments: argparse.Namespace) -> tuple[Iterator[list[Outcome]], str]:
-    """Return the iterator of outcomes, on processes or on a cluster, and its name."""
+             arguments: argparse.Namespace) -> Chunks:
+    """Return the iterator of outcomes, on a cluster or on processes of this machine."""
     from manifold_mpc_ros.campaigns.chunks import run_on_processes
     if arguments.scheduler is not None:
         from manifold_mpc_ros.campaigns.cluster import connected
-        cluster = stack.enter_context(connected(arguments.scheduler))
-        return cluster.run(work, todo), f'{cluster.threads} thread(s) of a Dask cluster'
+        return stack.enter_context(connected(arguments.scheduler)).run(work, todo)
     processes = min(arguments.workers, len(todo))
     if processes > 1:
         # What cannot be built is said now, and a compiled solver is there for every worker.
         with console.status('Designing the terminal set and building the solver'):
             work.build()
-    return run_on_processes(work, todo, processes), f'{processes} process(es)'
+    return run_on_processes(work, todo, processes)
+
+
+def _where(arguments: argparse.Namespace, todo: list[CaseName]) -> str:
+    """Return what runs the loops, in words."""
+    if arguments.scheduler is not None:
+        return 'a Dask cluster'
+    return f'{min(arguments.workers, len(todo))} process(es)'
 
 
 def _interrupt(_number: int, _frame: object) -> NoReturn:

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from manifold_mpc_ros.sim.campaign import CampaignSettings
+from manifold_mpc_ros.sim.campaign_outcome import Outcome
 from matplotlib.figure import Figure
 from test_cli_pictures import assert_no_text_overlaps
 
 from manifold_mpc_ros.cli.plot_campaign import EXCESS_RANGE, plot_campaign
 from manifold_mpc_ros.config import AttitudeMpcConfig
-from manifold_mpc_ros.sim.campaign import CampaignSettings
-from manifold_mpc_ros.sim.campaign_outcome import Outcome
 
 CONFIG: dict[str, Any] = {
     'inertia_kg_m2': (1.0, 0.9, 0.6), 'step_s': 0.5, 'horizon': 4, 'attitude_weight': (1, 1, 1),
