@@ -1,6 +1,6 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A campaign: its controller, its body and its sets of cases, read from YAML, checked as a whole."""
+"""A campaign: controller, body and sets of cases, read from YAML and checked as a whole."""
 
 from __future__ import annotations
 

@@ -12,8 +12,6 @@ from pathlib import Path
 import casadi
 import numpy as np
 
-import manifold_mpc_ros
-
 #: Folders of the package that no case runs through.
 OUTSIDE = ('bags', 'cli', 'nodes')
 
@@ -27,7 +25,7 @@ def software() -> dict[str, str]:
 @functools.cache
 def code_digest() -> str:
     """Return a digest of the package's sources that a case runs through."""
-    top = Path(manifold_mpc_ros.__path__[0])
+    top = Path(__file__).parents[1]
     digest = hashlib.sha256()
     for path in sorted(top.rglob('*.py')):
         name = path.relative_to(top)

@@ -1,6 +1,6 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The table of a campaign as a Parquet file: a row a loop, a function of the plan to the last bit."""
+"""The table of a campaign as a Parquet file: a row a loop, a function of the plan, bit by bit."""
 
 from __future__ import annotations
 

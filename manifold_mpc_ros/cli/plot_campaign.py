@@ -98,7 +98,7 @@ def _draw_histogram(axes: Axes, groups: Groups, plan: CampaignPlan) -> None:
                  label=f'{labels[place]} ({len(group):,})')
     axes.set_xlabel('settled at [s]')
     axes.set_ylabel('loops [%]')
-    axes.legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), ncols=1 if len(groups) > 2 else 2)
+    axes.legend(loc='lower left', bbox_to_anchor=(0.0, 1.0))
 
 
 def _draw_decrease(axes: Axes, groups: Groups, plan: CampaignPlan) -> None:

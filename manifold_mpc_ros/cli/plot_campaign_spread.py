@@ -41,8 +41,8 @@ def plot_spread(plan: CampaignPlan, outcomes: Sequence[Outcome], path: Path) -> 
             settling.set_xlabel(label)
         panels[0, 0].set_ylabel(f'final {plan.config.target} error [deg]')
         panels[1, 0].set_ylabel('settled at [s] (never: above the line)')
-        handles = [line for line in panels[0, 0].lines[:len(groups)]]
-        figure.legend(handles, titles(plan, groups), loc='outside upper left', markerscale=3.0)
+        figure.legend(
+            panels[0, 0].lines, titles(plan, groups), loc='outside upper left', markerscale=3.0)
         return save_figure(figure, path)
 
 

@@ -151,5 +151,5 @@ def test_other_names_are_refused(text: str) -> None:
 def test_all_names_are_in_the_order_of_the_file_and_sets_have_to_exist() -> None:
     assert [str(name) for name in all_names(plan())] == [
         'random-0', 'random-1', 'random-2', 'opposite-0', 'opposite-1', 'opposite-2']
-    with pytest.raises(ConfigurationError, match="'tumble' is not valid.*'opposite'"):
+    with pytest.raises(ConfigurationError, match=r"'tumble' is not valid.*'opposite'"):
         draw_case(plan(), CaseName('tumble', 1))

@@ -108,14 +108,14 @@ def test_workers_with_other_software_are_refused(
 ) -> None:
     other = {**cluster.software(), 'numpy': '0.0'}
     monkeypatch.setattr(cluster, 'software', lambda: other)
-    words = 'a worker has numpy .* where this process has 0.0'
+    words = r'a worker has numpy .* where this process has 0.0'
     with connected(processes[0]) as here, pytest.raises(CampaignError, match=words):
         list(here.run(Work(PLAN, stubs.make_damping), all_names(PLAN)))
 
 
 def test_no_scheduler_and_no_dask_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster, 'CONNECT_LIMIT_S', 1.0)
-    with (pytest.raises(CampaignError, match="no Dask scheduler at 'tcp://127.0.0.1:9'"),
+    with (pytest.raises(CampaignError, match=r"no Dask scheduler at 'tcp://127\.0\.0\.1:9'"),
           connected('tcp://127.0.0.1:9')):
         pass
     monkeypatch.setitem(sys.modules, 'distributed', None)
