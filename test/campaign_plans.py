@@ -21,7 +21,8 @@ def mapping(**changed: Any) -> dict[str, Any]:
     """Return a campaign of two sets on the model, as its file has it."""
     return {
         'description': 'a small campaign', 'seed': 0, 'duration_s': 20.0,
-        'controller': dict(CONTROLLER), 'acceptance': dict(PROMISES),
+        'controller': dict(CONTROLLER), 'simulator': {'plant.step_s': 0.1},
+        'acceptance': dict(PROMISES),
         'sets': [
             {'name': 'random', 'loops': 3, 'attitude': {'kind': 'uniform'},
              'rate': {'kind': 'ball', 'largest_rad_s': 0.3}},

@@ -71,6 +71,8 @@ def _draw_map(figure: Figure, axes: Axes, groups: Groups, plan: CampaignPlan) ->
     bar = figure.colorbar(mesh, ax=axes, pad=0.02)
     bar.set_label('loops')
     bar.ax.yaxis.set_major_formatter(lambda value, _: f'{value:g}')
+    few = norm.vmax < 10.0
+    bar.ax.yaxis.set_minor_formatter(lambda value, _: f'{value:g}' if few else '')
     ticks: list[float] = list(range(0, 181, 30))
     labels = [str(tick) for tick in ticks]
     if any(exact):

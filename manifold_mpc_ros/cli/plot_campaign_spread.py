@@ -28,6 +28,7 @@ def plot_spread(plan: CampaignPlan, outcomes: Sequence[Outcome], path: Path) -> 
                if np.ptp([of(o) for group in groups.values() for o in group] or [0.0]) > 0.0]
     if not spreads:
         return None
+    never = any(o.settled_s is None for group in groups.values() for o in group)
     with styled():
         figure = Figure(figsize=(1.0 + 3.6 * len(spreads), 7.2), layout='constrained')
         panels = figure.subplots(2, len(spreads), squeeze=False, sharey='row', sharex='col')
@@ -36,11 +37,14 @@ def plot_spread(plan: CampaignPlan, outcomes: Sequence[Outcome], path: Path) -> 
             _draw(error, groups, of, lambda o: max(o.final_angle_deg, FLOOR_DEG))
             error.set_yscale('log')
             _draw(settling, groups, of, lambda o: _settled(plan, o))
-            settling.axhline(plan.duration_s + plan.config.step_s, color=LIMIT_COLOUR,
-                             linestyle='--', linewidth=1.2)
+            if never:
+                settling.axhline(plan.duration_s + plan.config.step_s, color=LIMIT_COLOUR,
+                                 linestyle='--', linewidth=1.2)
+            settling.locator_params('x', nbins=4)
             settling.set_xlabel(label)
         panels[0, 0].set_ylabel(f'final {plan.config.target} error [deg]')
-        panels[1, 0].set_ylabel('settled at [s] (never: above the line)')
+        panels[1, 0].set_ylabel(
+            'settled at [s], never above the line' if never else 'settled at [s]')
         figure.legend(
             panels[0, 0].lines, titles(plan, groups), loc='outside upper left', markerscale=3.0)
         return save_figure(figure, path)

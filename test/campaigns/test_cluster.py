@@ -17,21 +17,14 @@ import campaign_stubs as stubs
 import pytest
 from campaign_plans import mapping, plan, plants
 
-from manifold_mpc_ros.campaigns import chunks, cluster
+from manifold_mpc_ros.campaigns import cluster
 from manifold_mpc_ros.campaigns.case import all_names
-from manifold_mpc_ros.campaigns.chunks import CampaignError, Work, run_on_processes
+from manifold_mpc_ros.campaigns.chunks import CHUNK, CampaignError, Work, in_chunks
 from manifold_mpc_ros.campaigns.cluster import connected
-from manifold_mpc_ros.campaigns.outcome import Outcome
-from manifold_mpc_ros.campaigns.table import write_table
 
 TESTS = Path(__file__).parents[1]
 WORKERS, START_LIMIT_S = 3, 60.0
-PLAN = plan(*mapping()['sets'], plants(), duration_s=8.0).with_loops(None, 16)
-
-
-@pytest.fixture(autouse=True)
-def small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cluster, 'CHUNK', 2)
+PLAN = plan(*mapping()['sets'], plants(), duration_s=3.0).with_loops(None, 24)
 
 
 @pytest.fixture(scope='module')
@@ -70,29 +63,40 @@ def wait(condition: Callable[[], bool]) -> None:
         time.sleep(0.05)
 
 
-def table(found: list[Outcome], path: Path) -> bytes:
-    """Return the table's bytes, rows in the order of the plan."""
-    by_name = {outcome.name: outcome for outcome in found}
-    assert len(by_name) == len(found)
-    return write_table(PLAN, [by_name[str(name)] for name in all_names(PLAN)], path).read_bytes()
+def campaign(path: Path, output: Path, *arguments: str) -> subprocess.Popen[str]:
+    """Start the command."""
+    python_path = os.pathsep.join([str(TESTS.parent), os.environ.get('PYTHONPATH', '')])
+    return subprocess.Popen(
+        [sys.executable, '-m', 'manifold_mpc_ros.cli.main', 'campaign', str(path),
+         '-o', str(output), *arguments],
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        env=dict(os.environ, PYTHONPATH=python_path))
 
 
 def test_one_process_and_a_cluster_that_loses_a_worker_give_the_same_bits(
     processes: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path,
 ) -> None:
     address, workers = processes
-    work = Work(PLAN, chunks.build_controller)
-    names = all_names(PLAN)
-    found: list[Outcome] = []
+    path, journal = tmp_path / 'small.yaml', tmp_path / 'cluster' / 'loops.jsonl'
+    path.write_text(PLAN.as_yaml(), encoding='utf-8')
     with connected(address) as here:
         wait(lambda: here.threads == WORKERS)
-        for chunk in here.run(work, names):
-            if not found:
-                workers[0].send_signal(signal.SIGKILL)
-            found += chunk
-        wait(lambda: here.threads == WORKERS - 1)
-    alone = [o for chunk in run_on_processes(work, names, 1) for o in chunk]
-    assert table(found, tmp_path / 'cluster.parquet') == table(alone, tmp_path / 'one.parquet')
+        running = campaign(path, tmp_path / 'cluster', '--scheduler', address)
+        try:
+            wait(lambda: journal.is_file() and journal.read_bytes().count(b'\n') > 1)
+            workers[0].send_signal(signal.SIGKILL)
+            done = journal.read_bytes().count(b'\n') - 1
+            out, _ = running.communicate(timeout=120)
+        finally:
+            running.kill()
+        assert here.threads == WORKERS - 1
+    assert 'Dask cluster' in out
+    assert done < len(in_chunks(all_names(PLAN), CHUNK)) // 2
+    alone = campaign(path, tmp_path / 'one', '--workers', '1')
+    assert '72 of 72 closed loops' in alone.communicate(timeout=120)[0]
+    assert alone.returncode == running.returncode, out
+    tables = [(tmp_path / name / 'loops.parquet').read_bytes() for name in ('cluster', 'one')]
+    assert tables[0] == tables[1]
 
 
 def test_an_error_in_a_case_names_it(
