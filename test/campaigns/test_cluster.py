@@ -86,14 +86,14 @@ def test_one_process_and_a_cluster_that_loses_a_worker_give_the_same_bits(
             wait(lambda: journal.is_file() and journal.read_bytes().count(b'\n') > 1)
             workers[0].send_signal(signal.SIGKILL)
             done = journal.read_bytes().count(b'\n') - 1
-            out, _ = running.communicate(timeout=120)
+            out, _ = running.communicate(timeout=240)
         finally:
             running.kill()
         assert here.threads == WORKERS - 1
     assert 'Dask cluster' in out
     assert done < len(in_chunks(all_names(PLAN), CHUNK)) // 2
     alone = campaign(path, tmp_path / 'one', '--workers', '1')
-    assert '72 of 72 closed loops' in alone.communicate(timeout=120)[0]
+    assert '72 of 72 closed loops' in alone.communicate(timeout=240)[0]
     assert alone.returncode == running.returncode, out
     tables = [(tmp_path / name / 'loops.parquet').read_bytes() for name in ('cluster', 'one')]
     assert tables[0] == tables[1]
