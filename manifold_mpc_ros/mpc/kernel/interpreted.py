@@ -17,6 +17,7 @@ from manifold_mpc_ros.mpc.kernel.layout import memory_fields
 from manifold_mpc_ros.mpc.kernel.passes import Program
 from manifold_mpc_ros.mpc.kernel.phase import Field, Memory
 from manifold_mpc_ros.mpc.kernel.solver import (
+    UNUSABLE,
     Course,
     LocalSolver,
     Measure,
@@ -99,6 +100,8 @@ class InterpretedSolver(LocalSolver):
     def measure(self, R_NB: Array, R_ND: Array, omega: Array) -> Measure:
         """Set the state."""
         self._at(f.MEASURED)[:] = np.concatenate([R_NB.ravel(), R_ND.ravel(), omega])
+        if not math.isfinite(self._at(f.MEASURED).sum()):
+            return UNUSABLE
         self._run('measure')
         return Measure(*self._at(f.MEASURE).tolist())
 

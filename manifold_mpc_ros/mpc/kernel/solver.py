@@ -86,6 +86,10 @@ class Measure(NamedTuple):
     weakness: float
 
 
+#: What is said of a state that is not finite.
+UNUSABLE = Measure(np.inf, np.inf, np.nan, np.nan, np.nan, np.nan)
+
+
 class Course(ctypes.Structure):
     """A closed loop that the solver runs by itself: when to stop, and what is recorded.
 
