@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cases import configuration
-from oracle import Oracle
+from manifold_mpc_ros.bench.oracle import Oracle
 from oracle_starts import best
 from strategies import generator
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from cases import LIMITED, PROBLEMS, REFERENCE, cold, random_states, rest_states
 from numpy.typing import NDArray
-from oracle import Oracle, steps_of
+from manifold_mpc_ros.bench.oracle import Oracle, steps_of
 from oracle_starts import best
 from strategies import generator, half_turns
 

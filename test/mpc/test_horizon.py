@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cases import LIMITS, configuration
-from oracle import Oracle
+from manifold_mpc_ros.bench.oracle import Oracle
 from oracle_starts import best
 from strategies import generator, half_turns, unit_vectors
 

@@ -20,7 +20,7 @@ TOP = Path(__file__).parents[2]
 PACKAGE = 'manifold_mpc_ros'
 MODULES = sorted((TOP / PACKAGE).rglob('*.py'))
 
-LAYERS = ('errors', 'lie', 'theory', 'dynamics', 'problems', 'mpc', 'sim', 'scenarios', 'bags',
+LAYERS = ('errors', 'lie', 'theory', 'dynamics', 'problems', 'mpc', 'sim', 'bench', 'scenarios', 'bags',
           'nodes', 'cli')
 MAY_IMPORT = {
     layer: set(LAYERS[:rank + 1]) | ({'config'} if rank >= LAYERS.index('dynamics') else set())
