@@ -13,13 +13,7 @@ from numpy.typing import NDArray
 
 from manifold_mpc_ros.bench import problem
 from manifold_mpc_ros.bench.instances import Instance
-from manifold_mpc_ros.bench.solver import (
-    IN_QUATERNIONS,
-    ON_THE_GROUP,
-    REFERENCES,
-    Answer,
-    Entry,
-)
+from manifold_mpc_ros.bench.solver import REFERENCES, Answer, Entry
 from manifold_mpc_ros.bench.worker import Worker, fastest
 from manifold_mpc_ros.errors import ManifoldMpcError
 
@@ -192,6 +186,3 @@ def _judge_on_the_group(horizon: int, records: list[Record], instances: Sequence
         record.group_cost = [
             problem.cost_on_the_group(config, weight, instances[i].state, answer.torques_n_m)
             for i, answer in zip(record.asked, record.cold)]
-
-
-FORMULATIONS = (ON_THE_GROUP, IN_QUATERNIONS)

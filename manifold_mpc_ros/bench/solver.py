@@ -60,11 +60,15 @@ class Entry:
     largest_horizon: int = 10_000
     ours: bool = False
 
+    def load(self) -> Any:
+        """Import what the solver needs of Python and return its class."""
+        module, _, name = self.factory.partition(':')
+        return getattr(importlib.import_module(f'{__package__}.{module}'), name)
+
     def build(self, horizon: int) -> Solver:
         """Build the solver; raises whatever it lacks (an import, a compiler, a plugin)."""
-        module, _, name = self.factory.partition(':')
-        factory = getattr(importlib.import_module(f'{__package__}.{module}'), name)
-        return factory(horizon, **self.options)
+        solver: Solver = self.load()(horizon, **self.options)
+        return solver
 
 
 _CASADI, _ACADOS, _OURS = 'casadi_peer:CasadiPeer', 'acados_peer:AcadosPeer', 'ours:Ours'
