@@ -132,7 +132,7 @@ class AttitudeMpc:
         if measure is None:
             self.reset()
             return self._failed(R_NB, omega_BN_B, time.perf_counter() - begin)
-        plan, passes, searched = self._find_plan(measure.angle_rad < SEARCH_ANGLE_RAD)
+        plan, passes, searched = self._find_plan(measure)
         return self._answer(plan, passes, searched, begin)
 
     def solve_local(self, R_NB: ArrayLike, omega_BN_B: ArrayLike) -> AttitudeMpcSolution:
@@ -167,13 +167,14 @@ class AttitudeMpc:
                  and measure.momentum_squared < self._guard_squared)
         return measure if sound else None
 
-    def _find_plan(self, near: bool) -> tuple[Plan | None, int, bool]:
+    def _find_plan(self, measure: Measure) -> tuple[Plan | None, int, bool]:
         """Return the plan, the passes used, and whether the global search ran.
 
         First with the terminal set; when that cannot be reached, without it. From outside D_N
         the set is tried again at every tick, from the shifted plan only.
         """
         was_inside, passes, searched = self._inside, 0, False
+        near = measure.angle_rad < SEARCH_ANGLE_RAD
         if self._promised is not None:
             plan, passes = self._improve(self._strict)
             if plan is not None and self._reaches_set(plan) and (
@@ -181,7 +182,7 @@ class AttitudeMpc:
                 self._inside = True
                 return plan, passes, False
         if self._promised is None or was_inside:
-            plan, more = self._search(self._strict)
+            plan, more = self._search(self._strict, measure)
             passes, searched = passes + more, True
             if self._relaxed is self._strict or (plan is not None and self._reaches_set(plan)):
                 self._inside = True
@@ -192,7 +193,7 @@ class AttitudeMpc:
             passes += more
             if plan is not None and (near or self._keeps_promise(plan)):
                 return plan, passes, searched
-        plan, more = self._search(self._relaxed)
+        plan, more = self._search(self._relaxed, measure)
         return plan, passes + more, True
 
     def _improve(self, solver: LocalSolver) -> tuple[Plan | None, int]:
@@ -211,10 +212,12 @@ class AttitudeMpc:
                 return candidate, passes
         return None, passes
 
-    def _search(self, solver: LocalSolver) -> tuple[Plan | None, int]:
+    def _search(self, solver: LocalSolver, measure: Measure
+                ) -> tuple[Plan | None, int]:
         """Return the best of the global search and the shifted plan, and the passes it took."""
-        best, passes = search.global_search(
-            solver, self._starts, self._spare[2:], self._deadline_s)
+        pointing = solver.structure.pointing
+        due = [start for start in self._starts if search.is_due(start, measure, pointing)]
+        best, passes = search.global_search(solver, due, self._spare[2:], self._deadline_s)
         if best is not None and self._promised is not None:
             solver.begin_shift(SHIFTED_BARRIER, self._plan)
             shifted = self._spare[1]

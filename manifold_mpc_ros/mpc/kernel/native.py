@@ -116,7 +116,7 @@ class NativeSolver(LocalSolver):
         g[_MEASURED + 9:_MEASURED + 18] = R_ND.ravel()
         g[_MEASURED + 18:_MEASURED + 21] = omega
         self._library.measure(self._address)
-        return Measure(*g[_MEASURE:_MEASURE + 3].tolist())
+        return Measure(*g[_MEASURE:_MEASURE + 6].tolist())
 
     def flip(self) -> None:
         """Turn the sign of the starting quaternion."""

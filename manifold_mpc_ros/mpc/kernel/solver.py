@@ -68,11 +68,19 @@ class Report(NamedTuple):
 
 
 class Measure(NamedTuple):
-    """Of a state: distance of its rotations from SO(3), |J omega|^2, angle left to turn [rad]."""
+    """Of a state: whether it can be used, and how hard the turn is.
+
+    Distance of its rotations from SO(3); |J omega|^2; angle left to turn [rad]; angle that it
+    takes to stop the body [rad]; for a slew about the axis of the turn, how much the second torque
+    component does beside the first (0 to 1), and how many times faster the quickest axis turns.
+    """
 
     defect: float
     momentum_squared: float
     angle_rad: float
+    braking_rad: float
+    second_torque: float
+    weakness: float
 
 
 class LocalSolver(ABC):
