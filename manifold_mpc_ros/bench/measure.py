@@ -25,7 +25,7 @@ class Settings:
     """How much is run: what a solver does not finish within its budget it is not asked again."""
 
     core: int
-    repeats: int = 3
+    repeats: int = 5
     loops: int = 10
     loop_steps: int = 20
     cold_budget_s: float = 6.0

@@ -73,26 +73,26 @@ class Entry:
 
 _CASADI, _ACADOS, _OURS = 'casadi_peer:CasadiPeer', 'acados_peer:AcadosPeer', 'ours:Ours'
 
-OUR_LOCAL = Entry('ours, one local solve', _OURS, ON_THE_GROUP, {'search': False}, warm=False,
+OUR_LOCAL = Entry('ours, local', _OURS, ON_THE_GROUP, {'search': False}, warm=False,
                   ours=True)
-OUR_SEARCH = Entry('ours, global search', _OURS, ON_THE_GROUP, {'search': True}, ours=True)
-OUR_VM_LOCAL = Entry('ours without a compiler, local', _OURS, ON_THE_GROUP,
+OUR_SEARCH = Entry('ours, search', _OURS, ON_THE_GROUP, {'search': True}, ours=True)
+OUR_VM_LOCAL = Entry('ours in the VM, local', _OURS, ON_THE_GROUP,
                      {'search': False, 'backend': 'vm'}, warm=False, ours=True)
-OUR_VM_SEARCH = Entry('ours without a compiler, search', _OURS, ON_THE_GROUP,
+OUR_VM_SEARCH = Entry('ours in the VM, search', _OURS, ON_THE_GROUP,
                       {'search': True, 'backend': 'vm'}, ours=True)
-ACADOS_SQP = Entry('acados SQP, HPIPM', _ACADOS, IN_QUATERNIONS, {'qp': 'hpipm'})
-ACADOS_DAQP = Entry('acados SQP, DAQP', _ACADOS, IN_QUATERNIONS, {'qp': 'daqp'})
-ACADOS_RTI = Entry('acados, one RTI iteration', _ACADOS, IN_QUATERNIONS,
+ACADOS_SQP = Entry('acados SQP (HPIPM)', _ACADOS, IN_QUATERNIONS, {'qp': 'hpipm'})
+ACADOS_DAQP = Entry('acados SQP (DAQP)', _ACADOS, IN_QUATERNIONS, {'qp': 'daqp'})
+ACADOS_RTI = Entry('acados RTI, one step', _ACADOS, IN_QUATERNIONS,
                    {'qp': 'hpipm', 'real_time_iteration': True}, cold=False)
-FATROP = Entry('fatrop, generated C', _CASADI, IN_QUATERNIONS, {'solver': 'fatrop'})
-IPOPT = Entry('IPOPT, generated C', _CASADI, IN_QUATERNIONS, {'solver': 'ipopt'})
-SQP_QRQP = Entry('sqpmethod with qrqp, generated C', _CASADI, IN_QUATERNIONS,
+FATROP = Entry('fatrop', _CASADI, IN_QUATERNIONS, {'solver': 'fatrop'})
+IPOPT = Entry('IPOPT', _CASADI, IN_QUATERNIONS, {'solver': 'ipopt'})
+SQP_QRQP = Entry('sqpmethod (qrqp)', _CASADI, IN_QUATERNIONS,
                  {'solver': 'sqpmethod', 'qp': 'qrqp'})
-SQP_HPIPM = Entry('sqpmethod with hpipm, generated C', _CASADI, IN_QUATERNIONS,
+SQP_HPIPM = Entry('sqpmethod (HPIPM)', _CASADI, IN_QUATERNIONS,
                   {'solver': 'sqpmethod', 'qp': 'hpipm'})
-FATROP_VM = Entry('fatrop without a compiler', _CASADI, IN_QUATERNIONS,
+FATROP_VM = Entry('fatrop in the VM', _CASADI, IN_QUATERNIONS,
                   {'solver': 'fatrop', 'compiled': False})
-IPOPT_VM = Entry('IPOPT without a compiler', _CASADI, IN_QUATERNIONS,
+IPOPT_VM = Entry('IPOPT in the VM', _CASADI, IN_QUATERNIONS,
                  {'solver': 'ipopt', 'compiled': False})
 
 ENTRIES = (OUR_LOCAL, OUR_SEARCH, OUR_VM_LOCAL, OUR_VM_SEARCH, ACADOS_SQP, ACADOS_DAQP, ACADOS_RTI,

@@ -16,6 +16,7 @@ Rows = Sequence[Mapping[str, Any]]
 CLOCKS = ('solver_us_median', 'solver_us_p99')
 SHORT, LONG = 10, 160
 LARGEST_GROWTH = 20.0
+_IN_THE_VM = {solver.FATROP_VM.name, solver.IPOPT_VM.name}
 LONGEST_FIRST_START_S, LONGEST_CACHED_START_S = 5.0, 0.5
 
 
@@ -81,7 +82,7 @@ def losses(rows: Rows) -> list[str]:
             continue
         here = [each for each in rows if each['horizon'] == row['horizon']]
         entry = solver.OUR_LOCAL if row['start'] == 'cold' else solver.OUR_SEARCH
-        if 'without' in row['solver']:
+        if row['solver'] in _IN_THE_VM:
             entry = solver.OUR_VM_LOCAL if row['start'] == 'cold' else solver.OUR_VM_SEARCH
         ours = _row(here, entry, row['start'])
         for clock in CLOCKS if ours else ():

@@ -27,7 +27,7 @@ from manifold_mpc_ros.errors import ManifoldMpcError
 Array = NDArray[np.float64]
 
 #: A solve that takes longer is not repeated [s].
-SLOW_S = 0.01
+SLOW_S = 0.03
 #: Building, compiling and the slowest solve end within this [s].
 PATIENCE_S = 300.0
 _KIB = 1024

@@ -31,6 +31,8 @@ EXAMPLES = """\
       only solvers with these words in their names
   manifold-mpc bench --instructions
       instructions per solve of our solver by valgrind, which no other load changes
+  manifold-mpc bench --tick
+      latency of the controller node over DDS, at 10 to 200 Hz: ten minutes
 """
 HORIZONS = (5, 10, 20, 40, 80, 160)
 QUICK_HORIZONS = (10, 20)
@@ -38,6 +40,7 @@ INSTANCES, QUICK_INSTANCES = 200, 20
 STARTUP_HORIZON = 20
 # Counted: so many cold solves with so many warm steps after each.
 COUNTED_COLD, COUNTED_WARM = 5, 10
+TICK_S, QUICK_TICK_S = 60.0, 5.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,13 +58,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--core', type=int, metavar='NUMBER',
         help='the core that everything is measured on (default: the last one allowed)')
-    parser.add_argument(
+    instead = parser.add_mutually_exclusive_group()
+    instead.add_argument(
         '--instructions', action='store_true',
-        help='count instructions of our solver instead of measuring time')
+        help='instead: count instructions of our solver, which needs valgrind')
+    instead.add_argument(
+        '--tick', action='store_true', help='instead: latency of the controller node over DDS')
+    parser.add_argument(
+        '--seconds', type=shared.positive_number, metavar='S',
+        help=f'length of each run of --tick (default: {TICK_S:g}, {QUICK_TICK_S:g} with --quick)')
     parser.add_argument(
         '--output', type=Path, metavar='FILE.json',
-        help='every figure (default: results/bench.json, results/instructions.json); the '
-             'instances and the picture go beside it')
+        help='every figure (default: results/bench.json, instructions.json or tick.json); the '
+             'picture goes beside it')
 
 
 def _horizon(text: str) -> int:
@@ -84,9 +93,11 @@ def run(arguments: argparse.Namespace) -> int:
     from manifold_mpc_ros.cli import bench_report, report
     console = report.make_console()
     core, entries = _core(arguments.core), _entries(arguments.solvers)
-    name = 'instructions.json' if arguments.instructions else 'bench.json'
-    output = arguments.output or Path('results', name)
+    kind = 'instructions' if arguments.instructions else 'tick' if arguments.tick else 'bench'
+    output = arguments.output or Path('results', f'{kind}.json')
     output.parent.mkdir(parents=True, exist_ok=True)
+    if arguments.tick:
+        return _measure_ticks(console, output, arguments)
     if arguments.instructions:
         return _count_instructions(console, output, arguments, entries)
     states = instances.draw(
@@ -184,4 +195,23 @@ def _count_instructions(console: Console, output: Path, arguments: argparse.Name
     output.write_text(json.dumps({'rows': rows}, indent=1) + '\n', encoding='utf-8')
     bench_report.show_instructions(console, rows)
     report.say_written(console, [output])
+    return 0
+
+
+def _measure_ticks(console: Console, output: Path, arguments: argparse.Namespace) -> int:
+    """Measure the controller's latency over DDS, print, draw and write it."""
+    from manifold_mpc_ros.cli import bench_report, bench_tick, report
+    from manifold_mpc_ros.cli.plot_tick import plot_ticks
+    cores = sorted(os.sched_getaffinity(0))
+    settings = bench_tick.TickSettings(
+        bench_tick.RATES_HZ, arguments.seconds or (QUICK_TICK_S if arguments.quick else TICK_S),
+        (cores[-1], cores[0]))
+    with bench_report.progress(console) as say:
+        rows = bench_tick.measure(settings, say)
+    data = {'statement': bench_tick.STATEMENT, 'seconds': settings.seconds,
+            'machine': bench_report.machine(cores[-1], None), 'rows': rows,
+            'targets': bench_tick.targets(rows)}
+    output.write_text(json.dumps(data, indent=1, allow_nan=False) + '\n', encoding='utf-8')
+    bench_tick.show(console, data)
+    report.say_written(console, [output, plot_ticks(rows, output.with_suffix('.png'))])
     return 0

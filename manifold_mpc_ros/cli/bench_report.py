@@ -24,7 +24,7 @@ STATEMENT = (
     'Times are the least of a few repeats of each solve, so that what else the machine does '
     'counts little; median and 99th percentile are over instances, or steps of closed loops. '
     "'solver' is the solver's own timer, 'call' all Python calls from a state to a torque, the "
-    'starting guess of a cold solve given. The peers solve the quaternion form with one '
+    'starting guess of a cold solve given. Compiled C unless a name says VM. The peers solve the quaternion form with one '
     'Runge-Kutta step per interval, ours is the LGVI on SO(3): costs are compared with the best '
     'known of the same form. Everybody stops at 1e-6 but us (1e-8).')
 
@@ -82,10 +82,10 @@ def show(console: Console, data: Mapping[str, Any]) -> None:
             here = [row for row in rows if row['start'] == start]
             if here:
                 console.print(report.grid_table(
-                    f'N = {horizon}, {start} [us], median / 99 %', *_table(here, start)))
+                    f'N = {horizon}, {start}: microseconds, median / 99 %', *_table(here, start)))
     _show_missing(console, data['rows'])
     console.print(report.grid_table(
-        'Start-up at N = 20 [s], peak memory [MB]',
+        'Start-up at N = 20 in s, peak memory in MB',
         ('solver', 'imports', 'first build', 'cached build', 'memory'),
         [(row['solver'], *(f'{row[key]:.2f}' if key in row else '-' for key in (
             'imports_s', 'first_build_s', 'cached_build_s', 'peak_memory_mb')))
@@ -104,7 +104,7 @@ def show(console: Console, data: Mapping[str, Any]) -> None:
 def _table(rows: Sequence[Mapping[str, Any]], start: str
            ) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """Return header and cells of one table."""
-    header = ('solver', 'solver', 'call', 'passes', 'solves', 'failed')
+    header = ('', 'solver', 'call', 'passes', 'solves', 'failed')
     lines = [(row['solver'], f'{row["solver_us_median"]:.0f} / {row["solver_us_p99"]:.0f}',
               f'{row["call_us_median"]:.0f} / {row["call_us_p99"]:.0f}',
               f'{row["iterations_median"]:.0f}', str(row['solves']), str(row['failures']))
