@@ -131,7 +131,8 @@ def _run_warm(workers: dict[int, Worker], records: list[Record], instances: Sequ
     for count, instance in enumerate(starts):
         progress(f'N = {horizon}: warm, loop {count + 1} of {len(starts)}')
         for index in [index for index, left in left_s.items() if left > 0]:
-            begin, record, runs = time.perf_counter(), records[index], []
+            begin, record = time.perf_counter(), records[index]
+            runs: list[list[Answer]] = []
             try:
                 while len(runs) < settings.repeats and left_s[index] > 0:
                     runs.append(workers[index].loop(instance.state, settings.loop_steps))

@@ -51,7 +51,7 @@ class Ours:
         config = self.config
         R_NB, omega = lgvi_step(
             so3.rotation_from_quaternion(state[:4]), state[4:], torque_n_m,
-            inertia_kg_m2=config.inertia_kg_m2, step_s=config.step_s, forcing=config.forcing)
+            inertia_kg_m2=config.inertia_kg_m2, step_s=config.step_s)
         return np.concatenate([so3.quaternion_from_rotation(R_NB), omega])
 
 

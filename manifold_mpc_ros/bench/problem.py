@@ -43,8 +43,8 @@ def comparison_config(horizon: int) -> AttitudeMpcConfig:
     return AttitudeMpcConfig(
         inertia_kg_m2=J, step_s=STEP_S, horizon=horizon, attitude_weight=np.eye(3),
         rate_weight=np.trace(J) / 2 * np.eye(3) - J, torque_weight=2 * np.eye(3),
-        terminal_scale=0.1, max_torque_n_m=(MAX_TORQUE_N_M,) * 3,
-        max_rate_rad_s=(MAX_RATE_RAD_S,) * 3, forcing='symmetric', terminal_constraint=False)
+        terminal_scale=0.1, max_torque_n_m=np.full(3, MAX_TORQUE_N_M),
+        max_rate_rad_s=np.full(3, MAX_RATE_RAD_S), forcing='symmetric', terminal_constraint=False)
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,7 @@ def cost_on_the_group(config: AttitudeMpcConfig, P: Array, state: Array, torques
     attitudes, rates = [R], [omega]
     for torque in torques:
         R, omega = lgvi_step(R, omega, torque, inertia_kg_m2=config.inertia_kg_m2,
-                             step_s=config.step_s, forcing=config.forcing)
+                             step_s=config.step_s)
         attitudes.append(R)
         rates.append(omega)
     stages = stage_costs(config, np.array(attitudes[:-1]), np.array(rates[:-1]), torques)

@@ -39,7 +39,7 @@ class OnTheGroup:
         attitudes, rates = [so3.rotation_from_quaternion(state[:4])], [state[4:7]]
         for torque in torques:
             R_NB, omega = lgvi_step(attitudes[-1], rates[-1], torque, inertia_kg_m2=J,
-                                    step_s=config.step_s, forcing='symmetric')
+                                    step_s=config.step_s)
             attitudes.append(R_NB)
             rates.append(omega)
         steps = steps_of(np.array(attitudes), np.array(rates), config)

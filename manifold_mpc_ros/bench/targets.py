@@ -21,8 +21,7 @@ LONGEST_FIRST_START_S, LONGEST_CACHED_START_S = 5.0, 0.5
 
 
 def targets(rows: Rows, startup: Rows) -> list[dict[str, Any]]:
-    """Return each aim with its value, its bound and whether it is met; what was not run is not
-    there."""
+    """Return each aim with its value, its bound and whether it is met, of what was run."""
     found: list[dict[str, Any]] = []
     for horizon in dict.fromkeys(row['horizon'] for row in rows):
         here = [row for row in rows if row['horizon'] == horizon]

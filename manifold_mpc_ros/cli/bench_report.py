@@ -24,9 +24,9 @@ STATEMENT = (
     'Times are the least of a few repeats of each solve, so that what else the machine does '
     'counts little; median and 99th percentile are over instances, or steps of closed loops. '
     "'solver' is the solver's own timer, 'call' all Python calls from a state to a torque, the "
-    'starting guess of a cold solve given. Compiled C unless a name says VM. The peers solve the quaternion form with one '
-    'Runge-Kutta step per interval, ours is the LGVI on SO(3): costs are compared with the best '
-    'known of the same form. Everybody stops at 1e-6 but us (1e-8).')
+    'starting guess of a cold solve given. Compiled C unless a name says VM. The peers solve the '
+    'quaternion form with one Runge-Kutta step per interval, ours is the LGVI on SO(3): costs are '
+    'compared with the best known of the same form. Everybody stops at 1e-6 but us (1e-8).')
 
 
 @contextmanager
@@ -104,11 +104,12 @@ def show(console: Console, data: Mapping[str, Any]) -> None:
 def _table(rows: Sequence[Mapping[str, Any]], start: str
            ) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """Return header and cells of one table."""
-    header = ('', 'solver', 'call', 'passes', 'solves', 'failed')
-    lines = [(row['solver'], f'{row["solver_us_median"]:.0f} / {row["solver_us_p99"]:.0f}',
-              f'{row["call_us_median"]:.0f} / {row["call_us_p99"]:.0f}',
-              f'{row["iterations_median"]:.0f}', str(row['solves']), str(row['failures']))
-             for row in rows]
+    header: tuple[str, ...] = ('', 'solver', 'call', 'passes', 'solves', 'failed')
+    lines: list[tuple[str, ...]] = [
+        (row['solver'], f'{row["solver_us_median"]:.0f} / {row["solver_us_p99"]:.0f}',
+         f'{row["call_us_median"]:.0f} / {row["call_us_p99"]:.0f}',
+         f'{row["iterations_median"]:.0f}', str(row['solves']), str(row['failures']))
+        for row in rows]
     if start == 'warm':
         return header, lines
     return (*header, 'dearer', 'worst'), [
