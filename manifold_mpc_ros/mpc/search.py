@@ -17,7 +17,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from manifold_mpc_ros.mpc.kernel import rules
 from manifold_mpc_ros.mpc.kernel.solver import LocalSolver, Measure, Plan, Progress
 from manifold_mpc_ros.mpc.kernel.structure import Structure
 from manifold_mpc_ros.mpc.scaling import Array
@@ -25,7 +24,7 @@ from manifold_mpc_ros.mpc.scaling import Array
 # Barrier parameter of a cold start (dimensionless, against a cost of order 10).
 COLD_BARRIER = 1.0
 # Passes of the first start at most, and of the others, which end after HOPELESS_PASSES when their
-# cost is still above HOPELESS times the best: starts that win are near it by then (test_global.py).
+# cost is still above HOPELESS times the best: winners are near it by then (test_global.py).
 MOST_PASSES = 200
 OTHER_PASSES = 60
 HOPELESS_PASSES = 25
@@ -38,8 +37,6 @@ LONG_WAY_RAD = np.radians(130.0)
 POINTING_RAD = np.radians(100.0)
 # Plans whose costs agree to this are equal; the rule then decides.
 TIE = 1e-7
-# KKT residual at which a start that can make no more progress counts as converged.
-ACCEPTABLE_RESIDUAL = 1e-6
 
 
 class Start(NamedTuple):
@@ -97,12 +94,6 @@ def is_due(start: Start, measure: Measure, pointing: bool) -> bool:
 def lean_steps(horizon: int) -> int:
     """Return for how many steps a leaning start holds its octant."""
     return max(1, min(LEAN_STEPS, horizon // 2))
-
-
-def is_converged(progress: Progress) -> bool:
-    """Return whether a trajectory satisfies the optimality conditions."""
-    return progress.flag == rules.CONVERGED or (
-        progress.flag == rules.STALLED and progress.residual < ACCEPTABLE_RESIDUAL)
 
 
 def begin(solver: LocalSolver, start: Start) -> None:

@@ -2,7 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The dependency direction of the modules, read from their import statements.
 
+<<<<<<< HEAD
 ``cli > bench > nodes > bags > scenarios > sim > mpc > problems > {theory, dynamics} > lie >
+=======
+``cli > nodes > bags > campaigns > scenarios > sim > mpc > problems > {theory, dynamics} > lie >
+>>>>>>> 824cc22ff564e1e9e628171bf1e45a82d7aa964b
 errors``: a module imports its own layer and those below it. ``theory`` and ``dynamics`` do not
 know each other. ``config`` may import ``errors`` and ``lie``; ``dynamics`` and the layers from
 ``problems`` up may import ``config``; ``nodes`` and ``cli`` may use the package's public names.
@@ -20,8 +24,13 @@ TOP = Path(__file__).parents[2]
 PACKAGE = 'manifold_mpc_ros'
 MODULES = sorted((TOP / PACKAGE).rglob('*.py'))
 
+<<<<<<< HEAD
 LAYERS = ('errors', 'lie', 'theory', 'dynamics', 'problems', 'mpc', 'sim', 'scenarios', 'bags',
           'nodes', 'bench', 'cli')
+=======
+LAYERS = ('errors', 'lie', 'theory', 'dynamics', 'problems', 'mpc', 'sim', 'scenarios',
+          'campaigns', 'bags', 'nodes', 'cli')
+>>>>>>> 824cc22ff564e1e9e628171bf1e45a82d7aa964b
 MAY_IMPORT = {
     layer: set(LAYERS[:rank + 1]) | ({'config'} if rank >= LAYERS.index('dynamics') else set())
     for rank, layer in enumerate(LAYERS)
@@ -29,7 +38,11 @@ MAY_IMPORT = {
 MAY_IMPORT['dynamics'].remove('theory')
 MAY_IMPORT['config'] = {'config', 'errors', 'lie'}
 # The package's own __init__.
+<<<<<<< HEAD
 MAY_IMPORT[''] = {*LAYERS, 'config'} - {'bags', 'nodes', 'bench', 'cli'}
+=======
+MAY_IMPORT[''] = {*LAYERS, 'config'} - {'campaigns', 'bags', 'nodes', 'cli'}
+>>>>>>> 824cc22ff564e1e9e628171bf1e45a82d7aa964b
 MAY_IMPORT['nodes'].add('')
 MAY_IMPORT['cli'].add('')
 
@@ -43,7 +56,12 @@ ROS = {
 ONLY_IN = {name: {'nodes'} for name in ROS}
 ONLY_IN.update({name: {'cli'} for name in ('matplotlib', 'mpl_toolkits', 'rich')})
 ONLY_IN['rosbags'] = {'bags'}
+<<<<<<< HEAD
 ONLY_IN.update({name: {'nodes', 'bench', 'cli'} for name in ('datetime', 'sched', 'time')})
+=======
+ONLY_IN.update({name: {'campaigns'} for name in ('dask', 'distributed', 'pyarrow')})
+ONLY_IN.update({name: {'nodes', 'cli'} for name in ('datetime', 'sched', 'time')})
+>>>>>>> 824cc22ff564e1e9e628171bf1e45a82d7aa964b
 # The solver reports how long it took; nothing it computes depends on that.
 CLOCK_ALLOWED = {('mpc/attitude_mpc.py', 'time')}
 
@@ -124,6 +142,8 @@ def test_imports_point_down() -> None:
     ('scenarios/scenario.py', 'from manifold_mpc_ros.bags import reader'),
     ('bags/reader.py', 'from manifold_mpc_ros.nodes import messages'),
     ('cli/record.py', 'from rosbags.rosbag2 import Reader'),
+    ('cli/campaign.py', 'from distributed import Client'),
+    ('sim/plant.py', 'from manifold_mpc_ros.campaigns.plan import CampaignPlan'),
     ('cli/demo.py', 'from nav_msgs.msg import Odometry'),
     ('mpc/attitude_mpc.py', 'importlib.import_module("rclpy")'),
     ('sim/closed_loop.py', 'import matplotlib.pyplot as plt'),

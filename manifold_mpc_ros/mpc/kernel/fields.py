@@ -80,6 +80,10 @@ CHAIN = Field('chain', 7, _GLOBAL)         # the same of the stage that a roll-o
 # it (solver.Measure).
 MEASURED = Field('measured', 21, _GLOBAL)
 MEASURE = Field('measure', 6, _GLOBAL)
+# A body that the loop is closed with: inertia, column by column, disturbance torque and the torque
+# that is applied, dimensionless.
+BODY = Field('body', 12, _GLOBAL)
+APPLIED = Field('applied', 3, _GLOBAL)
 # Report of a plan: cost of the first stage, xi^T P xi / c at both ends, sum and largest of the
 # rate limits' relative violations, by how much the terminal set is missed; R_NB and rate of a
 # node.
