@@ -2,13 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The dependency direction of the modules, read from their import statements.
 
-<<<<<<< HEAD
-``cli > bench > nodes > bags > scenarios > sim > mpc > problems > {theory, dynamics} > lie >
-=======
-``cli > nodes > bags > campaigns > scenarios > sim > mpc > problems > {theory, dynamics} > lie >
->>>>>>> 824cc22ff564e1e9e628171bf1e45a82d7aa964b
-errors``: a module imports its own layer and those below it. ``theory`` and ``dynamics`` do not
-know each other. ``config`` may import ``errors`` and ``lie``; ``dynamics`` and the layers from
+``cli > bench > nodes > bags > campaigns > scenarios > sim > mpc > problems > {theory, dynamics} >
+lie > errors``: a module imports its own layer and those below it. ``theory`` and ``dynamics`` do
+not know each other. ``config`` may import ``errors`` and ``lie``; ``dynamics`` and the layers from
 ``problems`` up may import ``config``; ``nodes`` and ``cli`` may use the package's public names.
 """
 
@@ -24,13 +20,8 @@ TOP = Path(__file__).parents[2]
 PACKAGE = 'manifold_mpc_ros'
 MODULES = sorted((TOP / PACKAGE).rglob('*.py'))
 
-<<<<<<< HEAD
-LAYERS = ('errors', 'lie', 'theory', 'dynamics', 'problems', 'mpc', 'sim', 'scenarios', 'bags',
-          'nodes', 'bench', 'cli')
-=======
 LAYERS = ('errors', 'lie', 'theory', 'dynamics', 'problems', 'mpc', 'sim', 'scenarios',
-          'campaigns', 'bags', 'nodes', 'cli')
->>>>>>> 824cc22ff564e1e9e628171bf1e45a82d7aa964b
+          'campaigns', 'bags', 'nodes', 'bench', 'cli')
 MAY_IMPORT = {
     layer: set(LAYERS[:rank + 1]) | ({'config'} if rank >= LAYERS.index('dynamics') else set())
     for rank, layer in enumerate(LAYERS)
@@ -38,11 +29,7 @@ MAY_IMPORT = {
 MAY_IMPORT['dynamics'].remove('theory')
 MAY_IMPORT['config'] = {'config', 'errors', 'lie'}
 # The package's own __init__.
-<<<<<<< HEAD
-MAY_IMPORT[''] = {*LAYERS, 'config'} - {'bags', 'nodes', 'bench', 'cli'}
-=======
-MAY_IMPORT[''] = {*LAYERS, 'config'} - {'campaigns', 'bags', 'nodes', 'cli'}
->>>>>>> 824cc22ff564e1e9e628171bf1e45a82d7aa964b
+MAY_IMPORT[''] = {*LAYERS, 'config'} - {'campaigns', 'bags', 'nodes', 'bench', 'cli'}
 MAY_IMPORT['nodes'].add('')
 MAY_IMPORT['cli'].add('')
 
@@ -56,12 +43,8 @@ ROS = {
 ONLY_IN = {name: {'nodes'} for name in ROS}
 ONLY_IN.update({name: {'cli'} for name in ('matplotlib', 'mpl_toolkits', 'rich')})
 ONLY_IN['rosbags'] = {'bags'}
-<<<<<<< HEAD
-ONLY_IN.update({name: {'nodes', 'bench', 'cli'} for name in ('datetime', 'sched', 'time')})
-=======
 ONLY_IN.update({name: {'campaigns'} for name in ('dask', 'distributed', 'pyarrow')})
-ONLY_IN.update({name: {'nodes', 'cli'} for name in ('datetime', 'sched', 'time')})
->>>>>>> 824cc22ff564e1e9e628171bf1e45a82d7aa964b
+ONLY_IN.update({name: {'nodes', 'bench', 'cli'} for name in ('datetime', 'sched', 'time')})
 # The solver reports how long it took; nothing it computes depends on that.
 CLOCK_ALLOWED = {('mpc/attitude_mpc.py', 'time')}
 
