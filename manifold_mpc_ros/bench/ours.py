@@ -57,5 +57,5 @@ class Ours:
 
 def _answer(solution: AttitudeMpcSolution, call_s: float) -> Answer:
     """Return a solution in the terms of the comparison."""
-    return Answer(solution.solve_time_s, call_s, solution.torques_B_n_m, solution.cost,
+    return Answer(solution.local_time_s, call_s, solution.torques_B_n_m, solution.cost,
                   solution.iterations, solution.status is SolveStatus.CONVERGED)

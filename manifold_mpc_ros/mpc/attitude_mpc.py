@@ -152,7 +152,7 @@ class AttitudeMpc:
         attitude = self._R_NB = np.asarray(R_NB, dtype=float)
         omega = self._omega = np.asarray(omega_BN_B, dtype=float)
         target = _IDENTITY if R_ND is None else np.asarray(R_ND, dtype=float)
-        rate = omega * self._unit.time_s
+        rate, self._begun_s = omega * self._unit.time_s, self._elapsed_s()
         measure = self._strict.measure(attitude, target, rate)
         if measure.defect > ROTATION_DEFECT or measure.momentum_squared >= self._guard_squared:
             return None
@@ -250,7 +250,12 @@ class AttitudeMpc:
             status=self._status(plan, violation), kkt_residual=plan.progress.residual,
             violation=violation, searched=searched,
             promised_cost=(cost - report.first_cost) * unit.cost,
-            terminal_ratio=report.first_level)
+            terminal_ratio=report.first_level, local_time_s=self._elapsed_s() - self._begun_s)
+
+    def _elapsed_s(self) -> float:
+        """Return the time that the local solvers have taken so far [s]."""
+        solvers = {id(solver): solver for solver in (self._strict, self._relaxed)}
+        return sum(solver.elapsed_s for solver in solvers.values())
 
     def _status(self, plan: Plan, violation: float) -> SolveStatus:
         """Return how a solve ended."""

@@ -198,7 +198,7 @@ class NativeSolver(LocalSolver):
 
     @property
     def elapsed_s(self) -> float:
-        """Time spent in compiled starts and passes so far [s]."""
+        """Time that starts and passes have taken so far [s]."""
         return float(self._solve.elapsed_s)
 
     def new_plan(self) -> NativePlan:

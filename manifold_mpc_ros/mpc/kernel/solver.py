@@ -183,6 +183,11 @@ class LocalSolver(ABC):
     def progress(self) -> Progress:
         """How far the solve is."""
 
+    @property
+    @abstractmethod
+    def elapsed_s(self) -> float:
+        """Time that starts and passes have taken so far [s]."""
+
     @abstractmethod
     def new_plan(self) -> Plan:
         """Return memory for a plan."""
