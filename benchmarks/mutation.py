@@ -1,6 +1,6 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Mutation testing of what decides in the nodes: does a test fail for every small mistake in it?
+"""Mutation testing of what decides in the nodes: each small mistake has to make a test fail.
 
 One mutant at a time: a comparison, a Boolean operator, a sign, a number, a condition or a whole
 assignment or call is changed; its unit tests (not the drawn properties, so a mutant that lives
@@ -31,7 +31,8 @@ SUITES = {
     'manifold_mpc_ros/safety/output.py': ['test/safety/test_output.py'],
     'manifold_mpc_ros/nodes/gate.py': ['test/nodes/test_gate.py'],
 }
-PROPERTIES = ('not Histories and not whatever and not direction_is_kept and not no_step_is and not nearest_to')
+UNIT_TESTS = ('not Histories and not whatever and not direction_is_kept and not no_step_is '
+              'and not nearest_to')
 #: A mutant whose tests take longer than this has made them hang [s].
 PATIENCE_S = 60
 LOADED = ('numpy', 'hypothesis', 'hypothesis.stateful', 'manifold_mpc_ros.lie.so3',
@@ -131,7 +132,7 @@ def survives(path: str, tree: ast.AST) -> bool:
         module.__file__ = str(TOP / path)
         sys.modules[name] = module
         exec(compile(tree, path, 'exec'), module.__dict__)  # noqa: S102  (a mutant of our own)
-        status = pytest.main(['-x', '-q', '-p', 'no:cacheprovider', '-k', PROPERTIES,
+        status = pytest.main(['-x', '-q', '-p', 'no:cacheprovider', '-k', UNIT_TESTS,
                               *(str(TOP / suite) for suite in SUITES[path])])
     except BaseException:  # noqa: BLE001  (a mutant that does not even load is found)
         status = 1
