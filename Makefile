@@ -56,7 +56,8 @@ DECIDES := manifold_mpc_ros/safety/*,manifold_mpc_ros/nodes/gate.py,manifold_mpc
 DECIDES_TESTS := test/safety test/nodes/test_gate.py test/nodes/test_gate_properties.py \
     test/nodes/test_tick.py test/nodes/test_tick_faults.py test/nodes/test_tick_promise.py
 coverage: $(STAMP)  ## Branch coverage of the mode logic and the gates; fails below 95 %
-	@COVERAGE_FILE=build/coverage $(BIN)/python -m coverage run --branch \
+	@mkdir -p build
+	@PROPERTY_EXAMPLES=20 COVERAGE_FILE=build/coverage $(BIN)/python -m coverage run --branch \
 		--include='$(DECIDES)' -m pytest -q $(DECIDES_TESTS) $(PYTEST_ARGS)
 	@COVERAGE_FILE=build/coverage $(BIN)/python -m coverage report --fail-under=95
 
