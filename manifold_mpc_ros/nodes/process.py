@@ -9,6 +9,7 @@ arguments that nobody knows.
 from __future__ import annotations
 
 import importlib
+import os
 import signal
 import sys
 import time
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from manifold_mpc_ros.nodes.managed_node import ManagedNode
 
 #: Longest wait in the executor; a signal is seen within it [s].
-_SPIN_S = 0.1
+_SPIN_S = 0.05
 #: A publisher outlives its last message by this, or readers may drop both together [s].
 _LINGER_S = 0.05
 #: A request to end at once that has not been heeded is repeated after this [s].
@@ -64,13 +65,17 @@ class StopRequest:
 def run(program: Program, node_class: str, argv: Sequence[str] | None = None) -> int:
     """Run one node until a signal ends it; return the exit status of the process.
 
-    ``node_class`` is 'module:Class', imported late, so that ``--help`` needs no ROS.
+    ``node_class`` is 'module:Class', imported late, so that ``--help`` needs no ROS. With the
+    arguments of the process itself (``argv`` None) the process ends here.
     """
     stop = StopRequest()
     try:
-        return _run_checked(program, node_class, argv, stop)
+        status = _run_checked(program, node_class, argv, stop)
     finally:
         stop.heeded()
+    if argv is None:
+        _leave(status)
+    return status
 
 
 def _run_checked(
@@ -120,24 +125,33 @@ def _run_with_ros(
 
 def _live(node: ManagedNode, stop: StopRequest) -> int:
     """Start the node when it starts by itself, spin, and end it in order."""
-    from rclpy.executors import SingleThreadedExecutor
+    import rclpy
     from rclpy.lifecycle import TransitionCallbackReturn
 
-    executor = SingleThreadedExecutor()
+    from manifold_mpc_ros.nodes.barrier import GuardedExecutor
+
+    executor = GuardedExecutor(node.barrier)
     executor.add_node(node)
     try:
         if node.autostart:
             for transition in (node.trigger_configure, node.trigger_activate):
                 if transition() != TransitionCallbackReturn.SUCCESS:
                     return 0 if stop.requested else 1
-        while not stop.requested:
-            executor.spin_once(timeout_sec=_SPIN_S)
+        while not stop.requested and rclpy.ok():
+            executor.spin_some(_SPIN_S)
         return 0
     finally:
         if node.active:
             node.trigger_deactivate()
             time.sleep(_LINGER_S)
         executor.shutdown(timeout_sec=0)
+
+
+def _leave(status: int) -> None:
+    """End the process now: not after a solver's thread, nor after taking the interpreter down."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(status)
 
 
 def _fail(program: Program, reason: object) -> int:

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The dependency direction of the modules, read from their import statements.
 
-``cli > bench > nodes > bags > campaigns > scenarios > sim > mpc > problems > {theory, dynamics} >
-lie > errors``: a module imports its own layer and those below it. ``theory`` and ``dynamics`` do
+``cli > bench > nodes > bags > campaigns > scenarios > sim > safety > mpc > problems > {theory,
+dynamics} > lie > errors``: a module imports its own layer and those below it. ``theory`` and ``dynamics`` do
 not know each other. ``config`` may import ``errors`` and ``lie``; ``dynamics`` and the layers from
 ``problems`` up may import ``config``; ``nodes`` and ``cli`` may use the package's public names.
 """
@@ -20,7 +20,7 @@ TOP = Path(__file__).parents[2]
 PACKAGE = 'manifold_mpc_ros'
 MODULES = sorted((TOP / PACKAGE).rglob('*.py'))
 
-LAYERS = ('errors', 'lie', 'theory', 'dynamics', 'problems', 'mpc', 'sim', 'scenarios',
+LAYERS = ('errors', 'lie', 'theory', 'dynamics', 'problems', 'mpc', 'safety', 'sim', 'scenarios',
           'campaigns', 'bags', 'nodes', 'bench', 'cli')
 MAY_IMPORT = {
     layer: set(LAYERS[:rank + 1]) | ({'config'} if rank >= LAYERS.index('dynamics') else set())
