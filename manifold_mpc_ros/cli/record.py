@@ -67,9 +67,9 @@ def run(arguments: argparse.Namespace) -> int:
         return _list(console)
     scenario = find_scenario(arguments.scenario)
     path = arguments.output or DEFAULT_FOLDER / scenario.name
-    _require_ros()
+    require_ros('recording')
     _make_way(path, overwrite=arguments.overwrite)
-    signal.signal(signal.SIGTERM, _interrupt)
+    signal.signal(signal.SIGTERM, interrupt)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'  # the recorder is in this process
     console.print(f'{scenario.name}: {scenario.description}', markup=False)
     try:
@@ -183,16 +183,16 @@ def _make_way(path: Path, *, overwrite: bool) -> None:
     remove_bag(path)
 
 
-def _require_ros() -> None:
+def require_ros(what: str) -> None:
     """Say in one line what is missing."""
     try:
         import manifold_mpc_ros.nodes.bag_recorder  # noqa: F401
     except ImportError as error:
         raise ManifoldMpcError(
-            f'recording needs ROS 2 for Python, and {error.name or error} is not there: '
+            f'{what} needs ROS 2 for Python, and {error.name or error} is not there: '
             "pip install 'manifold_mpc_ros[ros]', or source a ROS 2 installation") from None
 
 
-def _interrupt(_number: int, _frame: object) -> NoReturn:
+def interrupt(_number: int, _frame: object) -> NoReturn:
     """Let SIGTERM end the nodes and close the bag as well, the way Ctrl-C does."""
     raise KeyboardInterrupt

@@ -13,12 +13,12 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
-from manifold_mpc_ros.bags.contents import BagTopic, RawMessage
+from manifold_mpc_ros.bags.contents import BagTopic, RawMessage, stamp_ns_of
 from manifold_mpc_ros.bags.writer import BagWriter
 from manifold_mpc_ros.config_tables import CONTROLLER_NAME
 from manifold_mpc_ros.errors import BagError
 from manifold_mpc_ros.nodes.listener import Listener
-from manifold_mpc_ros.nodes.raw import message_class, qos_mapping, stamp_ns_of
+from manifold_mpc_ros.nodes.raw import message_class, qos_mapping
 
 NODE_NAME = 'bag_recorder'
 #: The graph is looked at for new topics, and the bag brought onto the disk, so often [s].
