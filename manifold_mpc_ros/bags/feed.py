@@ -99,7 +99,8 @@ def _as_recorded(
     run: BagRun, topic: str, target: str, stamps_ns: Sequence[int] | np.ndarray,
 ) -> list[FeedMessage]:
     """Return the readable messages of a topic, each stamp once."""
-    readable, found = set(map(int, stamps_ns)), {}
+    readable = set(map(int, stamps_ns))
+    found: dict[int, FeedMessage] = {}
     for message in run.contents.of(topic):
         stamp_ns = _stamp(message)
         if stamp_ns in readable and stamp_ns > 0:

@@ -74,3 +74,16 @@ def in_coast(run: BagRun) -> int:
 def unknown_ticks(run: BagRun) -> int:
     """Return how many ticks the controller had of which the bag says nothing."""
     return int(run.ticks.tick[-1]) - len(run.ticks) if len(run.ticks) else 0
+
+
+def refused(run: BagRun) -> int | None:
+    """Return how many messages the controller refused, None where the bag does not say.
+
+    A state that lockstep repeats because its answer takes long is answered again: no refusal.
+    """
+    if not run.ticks.last:
+        return None
+    repeats = sum(run.ticks.total(key) or 0 for key in run.ticks.last
+                  if key.startswith('refused.') and key.endswith('.duplicate'))
+    lockstep = run.scenario is not None and run.scenario.lockstep
+    return run.ticks.refused - (repeats if lockstep else 0)

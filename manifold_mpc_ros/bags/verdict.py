@@ -106,7 +106,7 @@ def _judged(run: BagRun, limits: AcceptanceLimits) -> Iterator[Judgement]:
     for name, count in _TICKS.items():
         yield from _counted(run, name, getattr(limits, name), count(run))
     yield from _at_most('refused_messages', limits.refused_messages,
-                        run.ticks.refused if run.ticks.last else None, '')
+                        measures.refused(run), '')
 
 
 def _settled(run: BagRun, limits: AcceptanceLimits, limit_s: float) -> Judgement:

@@ -52,6 +52,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--storage', choices=('mcap', 'sqlite3'), default='mcap',
         help='storage of the bag (default: %(default)s)')
     parser.add_argument(
+        '--compress', action='store_true', help='compress the chunks of MCAP with zstd')
+    parser.add_argument(
         '--overwrite', action='store_true', help='replace a bag that is there already')
     parser.add_argument(
         '--start-limit', type=shared.positive_number, default=120.0, metavar='S',
@@ -65,6 +67,8 @@ def run(arguments: argparse.Namespace) -> int:
     console = report.make_console()
     if arguments.list:
         return _list(console)
+    if arguments.compress and arguments.storage != 'mcap':
+        raise ConfigurationError('--compress', arguments.storage, '--storage mcap')
     scenario = find_scenario(arguments.scenario)
     path = arguments.output or DEFAULT_FOLDER / scenario.name
     require_ros('recording')
@@ -126,7 +130,8 @@ def _record(
     with ExitStack() as stack:
         logs = stack.enter_context(_logs())
         domain = stack.enter_context(reserved_domain())
-        writer = stack.enter_context(BagWriter(path, arguments.storage))
+        writer = stack.enter_context(BagWriter(
+            path, arguments.storage, compress=arguments.compress))
         outcome = stack.enter_context(_outcome(writer))
         recorder = stack.enter_context(BagRecorder(domain, writer, plan.stamped, plan.others))
         processes = stack.enter_context(NodeProcesses())
