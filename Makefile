@@ -5,7 +5,7 @@
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help setup test lint types pytest demo figures clean
+.PHONY: help setup test lint types pytest demo figures golden clean
 
 # The first that runs; the ROS wheels are tested with 3.11. Override with PYTHON=...
 PYTHON ?= $(firstword $(foreach p,python3.11 python3,$(shell $(p) -c '' 2> /dev/null && echo $(p))))
@@ -57,6 +57,9 @@ demo: $(STAMP)  ## Close the loop over DDS: a 180 degree slew with two processes
 figures: $(STAMP)  ## Reproduce the four figures of the paper
 	@$(BIN)/manifold-mpc figures $(FIGURES_ARGS)
 
+golden: $(STAMP)  ## Record the golden bags of the tests again
+	@$(BIN)/python test/bags/record_golden.py
+
 clean:  ## Remove .venv and everything that was built
 	rm -rf $(VENV) build dist install log manifold_mpc_ros.egg-info
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis
@@ -70,6 +73,6 @@ $(DEPENDENCIES): setup.py .ci/constraints.txt .ci/setup
 # Seconds: the executables in .venv run the files of this checkout again.
 $(STAMP): $(DEPENDENCIES) setup.cfg pyproject.toml package.xml \
         $(wildcard resource/* config/*.yaml config/*/*.yaml launch/*.py) \
-        $(shell find manifold_mpc_ros -name '*.py' -o -name py.typed)
+        $(shell find manifold_mpc_ros -name '*.py' -o -name py.typed -o -path '*/page/*')
 	@PYTHON='$(PYTHON)' .ci/setup $(VENV) package
 	@touch $@

@@ -20,6 +20,7 @@ RUNTIME = [
     'casadi>=3.6.5',
     'matplotlib>=3.6',
     'numpy>=1.26',
+    'plotly>=5.15',
     'python-flint>=0.7',
     'pyyaml>=6.0',
     'rich>=13',
@@ -87,7 +88,7 @@ setup(
     maintainer='The manifold_mpc_ros authors',
     maintainer_email='maintainers@manifold-mpc-ros.example',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed']},
+    package_data={NAME: ['py.typed', 'cli/page/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),

@@ -45,12 +45,17 @@ class Comparison:
         """Whether every torque has the same bits."""
         return self.recorded.tobytes() == self.replayed.tobytes()
 
-    def first_beyond(self, tolerance_n_m: float) -> int | None:
-        """Return the first index at which the difference exceeds a tolerance; 0 means bits."""
+    def first_beyond(self, tolerance_n_m: float, *, unanswered: bool = True) -> int | None:
+        """Return the first index at which the difference exceeds a tolerance; 0 means bits.
+
+        A torque without a counterpart differs, unless ``unanswered`` is false.
+        """
         if tolerance_n_m > 0.0:
             beyond = self.difference_n_m > tolerance_n_m
         else:
             beyond = (self.recorded.view(np.int64) != self.replayed.view(np.int64)).any(axis=1)
+        if not unanswered:
+            beyond &= np.isfinite(self.replayed).all(axis=1)
         return int(np.argmax(beyond)) if beyond.any() else None
 
 

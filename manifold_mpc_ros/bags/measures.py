@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from manifold_mpc_ros.bags.run import BagRun
+from manifold_mpc_ros.bags.series import NANOSECONDS
 from manifold_mpc_ros.config_checks import FloatArray
 from manifold_mpc_ros.sim.closed_loop import settling_time
 
@@ -87,3 +88,18 @@ def refused(run: BagRun) -> int | None:
                   if key.startswith('refused.') and key.endswith('.duplicate'))
     lockstep = run.scenario is not None and run.scenario.lockstep
     return run.ticks.refused - (repeats if lockstep else 0)
+
+
+def tick_times_s(run: BagRun) -> FloatArray:
+    """Return the time of each tick since the first state (t,) [s].
+
+    In lockstep that of the state answered; else by when the controller said something about it.
+    """
+    rows = run.ticks.tick - 1
+    if run.scenario is not None and run.scenario.lockstep and len(rows) \
+            and rows[-1] < len(run.commands):
+        return np.asarray(run.commands.time_s[rows])
+    origin_ns = int(run.states.received_ns[0])
+    return np.asarray(np.interp(
+        (run.ticks.received_ns - origin_ns) / NANOSECONDS,
+        (run.states.received_ns - origin_ns) / NANOSECONDS, run.states.time_s))

@@ -17,7 +17,9 @@ from manifold_mpc_ros.errors import ManifoldMpcError
 PROGRAM = 'manifold-mpc'
 # One module of this folder for each verb, with SUMMARY, EXAMPLES, add_arguments and run.
 VERBS = ('demo', 'simulate', 'design', 'certify', 'verify', 'domain', 'discontinuity', 'campaign',
-         'record', 'replay', 'check', 'figures')
+         'record', 'replay', 'check', 'report', 'figures')
+# Where the module is not called like the verb.
+_MODULES = {'report': 'bag_report'}
 
 EXIT_SUCCESS = 0
 EXIT_NOT_ACHIEVED = 1
@@ -61,7 +63,7 @@ def build_parser() -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(
         dest='verb', metavar='VERB', required=True, title='verbs', parser_class=_OneLineParser)
     for name in VERBS:
-        module = importlib.import_module(f'manifold_mpc_ros.cli.{name}')
+        module = importlib.import_module(f'manifold_mpc_ros.cli.{_MODULES.get(name, name)}')
         verb = verbs.add_parser(
             name, help=module.SUMMARY, description=module.SUMMARY,
             epilog=f'examples:\n{module.EXAMPLES}',

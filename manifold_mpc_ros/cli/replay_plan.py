@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 OTHER_BUILD_TOLERANCE_N_M = 1e-9
 #: At a pace ticks fall between the states as the scheduler has it.
 PACED_TOLERANCE_N_M = 0.05
+#: At a pace, part of the ticks that a busy machine may skip.
+PACED_MAY_MISS = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +90,11 @@ class ReplayPlan:
         idle = {int(tick) - 1 for tick, source in zip(ticks.tick, ticks.source, strict=True)
                 if source == 'zero'}
         return commands.without(idle)
+
+    @property
+    def may_miss(self) -> float:
+        """Part of the torques that may have no answer."""
+        return 0.0 if self.rate is None else PACED_MAY_MISS
 
     @property
     def duration_s(self) -> float:

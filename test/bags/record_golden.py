@@ -28,5 +28,5 @@ def record(scenario: Path, folder: Path) -> bool:
 
 if __name__ == '__main__':
     with tempfile.TemporaryDirectory(prefix='manifold-mpc-golden-') as made:
-        sys.exit(0 if all([record(each, Path(made)) for each in sorted(GOLDEN.glob('*.yaml'))])
-                 else 1)
+        recorded = [record(each, Path(made)) for each in sorted(GOLDEN.glob('*.yaml'))]
+    sys.exit(0 if all(recorded) else 1)

@@ -40,7 +40,7 @@ ROS = {
     'visualization_msgs',
 }
 ONLY_IN = {name: {'nodes'} for name in ROS}
-ONLY_IN.update({name: {'cli'} for name in ('matplotlib', 'mpl_toolkits', 'rich')})
+ONLY_IN.update({name: {'cli'} for name in ('matplotlib', 'mpl_toolkits', 'plotly', 'rich')})
 ONLY_IN['rosbags'] = {'bags'}
 ONLY_IN.update({name: {'nodes', 'cli'} for name in ('datetime', 'sched', 'time')})
 # The solver reports how long it took; nothing it computes depends on that.
