@@ -14,6 +14,7 @@ NAME = 'manifold_mpc_ros'
 EXECUTABLES = {
     'controller': f'{NAME}.nodes.controller:main',
     'simulator': f'{NAME}.nodes.simulator:main',
+    'markers': f'{NAME}.nodes.markers:main',
     'manifold-mpc': f'{NAME}.cli.main:main',
 }
 RUNTIME = [
@@ -92,7 +93,7 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
-        (f'share/{NAME}/config', sorted(glob('config/*.yaml'))),
+        (f'share/{NAME}/config', sorted(glob('config/*.*'))),
         (f'share/{NAME}/config/scenarios', sorted(glob('config/scenarios/*.yaml'))),
         (f'share/{NAME}/launch', sorted(glob('launch/*.py'))),
     ],
