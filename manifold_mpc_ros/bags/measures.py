@@ -25,14 +25,24 @@ def settling_times(
     """
     below = (np.degrees(run.error_rad) < attitude_deg) \
         & (np.linalg.norm(run.states.omega_BN_B, axis=1) < rate_rad_s)
-    time_s = run.states.time_s
-    begins_s = [0.0, *(float(each) for each in run.setpoints.time_s if each > 0.0)]
+    time_s, begins_s = run.states.time_s, _begins_s(run)
     times: list[float | None] = []
     for begin_s, end_s in zip(begins_s, [*begins_s[1:], np.inf], strict=True):
         inside = (time_s >= begin_s) & (time_s < end_s)
         settled_s = settling_time(time_s[inside], below[inside]) if inside.any() else None
         times.append(None if settled_s is None else settled_s - begin_s)
     return tuple(times)
+
+
+def settled_at_s(run: BagRun, attitude_deg: float, rate_rad_s: float) -> float | None:
+    """Return the time from which the run is settled to its end [s], None if it is not."""
+    last_s = settling_times(run, attitude_deg, rate_rad_s)[-1]
+    return None if last_s is None else _begins_s(run)[-1] + last_s
+
+
+def _begins_s(run: BagRun) -> list[float]:
+    """Return when there was something new to do: at the start and at each later setpoint [s]."""
+    return [0.0, *(float(each) for each in run.setpoints.time_s if each > 0.0)]
 
 
 def violations(run: BagRun) -> int:

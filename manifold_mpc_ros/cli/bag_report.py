@@ -88,14 +88,13 @@ def _distinct(names: list[str]) -> list[str]:
 
 def _pictures(run: BagRun, name: str, folder: Path) -> list[Path]:
     """Draw the response and the orientation of a run."""
-    from manifold_mpc_ros.bags.measures import settling_times
+    from manifold_mpc_ros.bags.measures import settled_at_s
     from manifold_mpc_ros.cli.plot_orientation import plot_orientation, snapshot_rows
     from manifold_mpc_ros.cli.plot_response import Response, plot_response
     from manifold_mpc_ros.scenarios.parts import AcceptanceLimits
     limits = AcceptanceLimits() if run.scenario is None else run.scenario.acceptance
     config = None if run.scenario is None else run.scenario.controller_config.mpc
-    settled_s = settling_times(
-        run, limits.attitude_tolerance_deg, limits.rate_tolerance_rad_s)[0]
+    settled_s = settled_at_s(run, limits.attitude_tolerance_deg, limits.rate_tolerance_rad_s)
     response = plot_response(Response(
         title=name, state_time_s=run.states.time_s, attitude_error_rad=run.error_rad,
         omega_BN_B=run.states.omega_BN_B, torque_time_s=run.commands.time_s,

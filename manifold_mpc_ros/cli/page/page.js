@@ -55,6 +55,8 @@ class Run {
     this.fields = Object.fromEntries(
       [...section.querySelectorAll('[data-field]')].map((each) => [each.dataset.field, each]));
     this.playing = false;
+    // report.html#t=4.5 opens at 4.5 s.
+    this.slider.value = Number(new URLSearchParams(location.hash.slice(1)).get('t')) || 0;
     this.slider.addEventListener('input', () => { this.stop(); this.show(Number(this.slider.value)); });
     this.button.addEventListener('click', () => (this.playing ? this.stop() : this.play()));
   }
