@@ -1,12 +1,13 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Record, judge and replay every shipped scenario; write docs/results/scenarios.json.
+"""Record, judge and replay shipped scenarios; write what became of them to docs/results.
 
 python benchmarks/scenarios.py [--output results/scenarios] [NAME ...]
 
 Each scenario runs as two real processes over DDS (`manifold-mpc record`), is judged by its own
 limits (`check`), and is given to a live controller again (`replay`). All of them are on one page,
-OUTPUT/report/report.html. Exit status 0 when every scenario passed.
+OUTPUT/report/report.html. Entries of docs/results/scenarios.json are replaced by name. Scenarios
+in real time need a machine that is not busy. Exit status 0 when every scenario passed.
 """
 
 from __future__ import annotations
@@ -19,7 +20,6 @@ from typing import Any
 
 from manifold_mpc_ros.bags.run import read_run
 from manifold_mpc_ros.bags.verdict import judge
-from manifold_mpc_ros.cli import provenance
 from manifold_mpc_ros.cli.main import main
 from manifold_mpc_ros.cli.record import shipped_scenarios
 
@@ -39,6 +39,7 @@ def outcome(bag: Path, replayed: bool) -> dict[str, Any]:
         'lockstep': run.scenario is not None and run.scenario.lockstep,
         'torques': len(run.commands),
         'bag_bytes': sum(file.stat().st_size for file in bag.iterdir()),
+        'versions': dict(run.description.versions),
     }
 
 
@@ -70,11 +71,10 @@ def run(arguments: argparse.Namespace) -> int:
               f'{found.get("replay", "")} {", ".join(found["not_kept"])}')
     passed = sum(found['verdict'] == 'PASS' for found in outcomes.values())
     print(f'{passed} of {len(outcomes)} passed')
-    if not arguments.names:
-        RESULTS.write_text(json.dumps({
-            'command': 'python benchmarks/scenarios.py', 'versions': provenance.versions(''),
-            'scenarios': outcomes}, indent=1) + '\n', encoding='utf-8')
-        print(f'Written: {RESULTS}')
+    known = json.loads(RESULTS.read_text(encoding='utf-8')) if RESULTS.is_file() else {}
+    RESULTS.write_text(json.dumps({**known, **outcomes}, indent=1, sort_keys=True) + '\n',
+                       encoding='utf-8')
+    print(f'Written: {RESULTS}')
     return 0 if passed == len(outcomes) else 1
 
 

@@ -77,10 +77,10 @@ def compare_torques(
     known = np.array(sorted(replayed), dtype=np.int64)
     rows = np.full((len(recorded), 3), np.nan)
     for row, stamp_ns in enumerate(map(int, recorded.stamp_ns)):
-        if not len(known):
-            break
-        nearest = int(known[np.argmin(np.abs(known - stamp_ns))])
-        if abs(nearest - stamp_ns) <= within_s * NANOSECONDS:
-            rows[row] = replayed[nearest]
+        at = int(np.searchsorted(known, stamp_ns))
+        near = known[max(0, at - 1):at + 1]  # the last before, and the first not before
+        distances = np.abs(near - stamp_ns)
+        if len(near) and distances.min() <= within_s * NANOSECONDS:
+            rows[row] = replayed[int(near[distances.argmin()])]
     return Comparison(recorded.stamp_ns, recorded.time_s,
                       np.ascontiguousarray(recorded.torque_B_n_m), rows)

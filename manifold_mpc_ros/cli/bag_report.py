@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -80,7 +81,8 @@ def _distinct(names: list[str]) -> list[str]:
     """Return names for files, numbered where one comes again."""
     seen: dict[str, int] = {}
     distinct = []
-    for name in names:
+    for given in names:
+        name = re.sub(r'[^\w-]+', '_', given) or 'run'  # a bag may say anything
         seen[name] = seen.get(name, 0) + 1
         distinct.append(name if seen[name] == 1 else f'{name}_{seen[name]}')
     return distinct

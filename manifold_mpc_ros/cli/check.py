@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print a table for each bag; 0 when every run passed, 2 when none could be judged."""
+    """Print a table for each bag; 0 when every run passed."""
     from manifold_mpc_ros.cli import report
     from manifold_mpc_ros.cli.junit import Suite, write_junit
     console = report.make_console()
@@ -77,7 +77,7 @@ def verdict_table(recorded: BagRun, verdict: Verdict) -> Table:
     """Return the judgements as a table."""
     from rich.table import Table
     from rich.text import Text
-    table = Table(title=f'{title(recorded)}: {recorded.path}', title_justify='left')
+    table = Table(title=Text(f'{title(recorded)}: {recorded.path}'), title_justify='left')
     for name in ('', 'limit', 'measured', 'verdict'):
         table.add_column(name)
     for each in verdict.judgements:

@@ -86,10 +86,11 @@ def _plain(figure: Any) -> Any:
 
 
 def _rounded(values: Any) -> Any:
-    """Return an array as lists with the digits that a picture needs."""
+    """Return an array as lists with the digits that a picture needs; null for no number."""
     array = np.asarray(values, dtype=float)
-    return [[float(f'{value:.7g}') for value in row] for row in array] if array.ndim == 2 \
-        else [float(f'{value:.7g}') for value in array]
+    if array.ndim > 1:
+        return [_rounded(row) for row in array]
+    return [float(f'{value:.7g}') if np.isfinite(value) else None for value in array]
 
 
 def _badge(verdict: Verdict | None) -> str:

@@ -76,7 +76,8 @@ def run(arguments: argparse.Namespace) -> int:
     if tolerance is None:
         tolerance = plan.default_tolerance_n_m(result.backend)
     comparison = plan.compare(result.torques) if compared else None
-    console.print(report.result_table(f'Replay of {recorded.path}', [
+    console.print(f'Replay of {recorded.path}', soft_wrap=True, markup=False)
+    console.print(report.result_table('', [
         ('given', f'{len(plan.feed.states)} states, {len(plan.feed.setpoints)} setpoints, '
          + ('in lockstep' if plan.rate is None
             else f'{plan.rate:g} times as fast as real time')),

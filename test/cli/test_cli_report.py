@@ -143,6 +143,22 @@ def test_hostile_text_in_a_bag_stays_text(tmp_path: Path) -> None:
     assert '<script>alert' not in path.read_text(encoding='utf-8')
 
 
+def test_names_in_a_bag_are_no_paths() -> None:
+    from manifold_mpc_ros.cli.bag_report import _distinct
+    assert _distinct(['../../etc/x', 'a b', 'a_b', '']) == ['_etc_x', 'a_b', 'a_b_2', 'run']
+
+
+def test_flipped_bits_are_told_or_refused(command: Command, tmp_path: Path) -> None:
+    data = (GOLDEN / 'mistuned.mcap').read_bytes()
+    for part in range(4):
+        at = (2 * part + 1) * len(data) // 8
+        flipped = data[:at] + bytes([data[at] ^ 16]) + data[at + 1:]
+        (tmp_path / 'flipped.mcap').write_bytes(flipped)
+        status, _, err = command('report', tmp_path / 'flipped.mcap', '--output', tmp_path)
+        assert status in (0, 2)
+        assert err.count('\n') == (status == 2)
+
+
 def test_mistakes_are_one_line(command: Command, tmp_path: Path) -> None:
     for arguments, words in (
         ((tmp_path / 'none',), 'no such bag'),

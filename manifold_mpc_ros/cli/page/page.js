@@ -129,8 +129,9 @@ class Run {
     const {data, fields} = this;
     this.slider.value = time;
     fields.time.textContent = `${time.toFixed(2)} s`;
-    fields.error.textContent = `${Number(data.error_deg[state]).toPrecision(3)}°`;
-    fields.rate.textContent = `${Number(data.rate_rad_s[state]).toPrecision(2)} rad/s`;
+    const digits = (value, count) => (value === null ? 'no number' : value.toPrecision(count));
+    fields.error.textContent = `${digits(data.error_deg[state], 3)}°`;
+    fields.rate.textContent = `${digits(data.rate_rad_s[state], 2)} rad/s`;
     fields.mode.textContent = data.mode[Math.min(tick, data.mode.length - 1)] || 'unknown';
   }
 
