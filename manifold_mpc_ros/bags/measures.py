@@ -41,8 +41,11 @@ def settled_at_s(run: BagRun, attitude_deg: float, rate_rad_s: float) -> float |
 
 
 def _begins_s(run: BagRun) -> list[float]:
-    """Return when there was something new to do: at the start and at each later setpoint [s]."""
-    return [0.0, *(float(each) for each in run.setpoints.time_s if each > 0.0)]
+    """Return when there was something new to do: at the start and at each later setpoint [s].
+
+    A setpoint is published again where the controller does not hear it at once: same time.
+    """
+    return [0.0, *sorted({float(each) for each in run.setpoints.time_s if each > 0.0})]
 
 
 def violations(run: BagRun) -> int:

@@ -9,7 +9,16 @@ from typing import Any
 
 import pytest
 import yaml
-from synthetic import START_NS, diagnostics, raw, run_messages, write_bag
+from synthetic import (
+    START_NS,
+    diagnostics,
+    header,
+    make,
+    quaternion,
+    raw,
+    run_messages,
+    write_bag,
+)
 
 from manifold_mpc_ros.bags.contents import RawMessage
 from manifold_mpc_ros.bags.run import read_run
@@ -82,6 +91,26 @@ def test_limits_of_the_controller_are_the_limits_of_violations(tmp_path: Path) -
     found = verdict(tmp_path, {'violations': 1}, controller=weak)
     assert found.failed == ('violations',)  # 0.30 and 0.29 are beyond 0.285 * 1.01
     assert found.judgements[-1].measured == '2'
+
+
+def setpoint(at_s: float) -> RawMessage:
+    """Return a commanded half turn about z, which the made-up run leaves."""
+    return raw('/attitude_setpoint', START_NS, make(
+        'geometry_msgs/QuaternionStamped', header=header(10**9 + round(at_s * 1e9)),
+        quaternion=quaternion(0.0, 0.0, 1.0, 0.0)))
+
+
+def test_settling_is_judged_after_each_setpoint(tmp_path: Path) -> None:
+    """Within 12 deg of the half turn at 0.5 to 1 s; a setpoint that is repeated counts once."""
+    limits = {'attitude_tolerance_deg': 12.0, 'rate_tolerance_rad_s': 1.0, 'settle_time_s': 0.0}
+    messages = [setpoint(0.0), setpoint(0.5), setpoint(0.5), *run_messages(3)]
+    kept = verdict(tmp_path / 'kept', limits, messages, duration_s=1.0)
+    assert kept.judgements[-1].measured == '0 s, 0 s'
+    assert kept.passed
+    messages = [setpoint(0.5), *run_messages(3)]
+    late = verdict(tmp_path / 'late', limits, messages, duration_s=1.0)
+    assert late.judgements[-1].measured == 'not settled, 0 s'
+    assert late.failed == ('settle_time_s',)
 
 
 def test_a_run_that_did_not_end_has_not_passed(tmp_path: Path) -> None:
