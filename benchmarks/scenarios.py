@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Record, judge and replay shipped scenarios; write what became of them to docs/results.
 
-python benchmarks/scenarios.py [--output results/scenarios] [NAME ...]
+python benchmarks/scenarios.py [--output results/scenarios] [--keep] [NAME ...]
 
 Each scenario runs as two real processes over DDS (`manifold-mpc record`), is judged by its own
 limits (`check`), and is given to a live controller again (`replay`). All of them are on one page,
@@ -20,7 +20,7 @@ from typing import Any
 
 from manifold_mpc_ros.bags.run import read_run
 from manifold_mpc_ros.bags.verdict import judge
-from manifold_mpc_ros.cli.main import main
+from manifold_mpc_ros.cli.main import EXIT_INTERRUPTED, main
 from manifold_mpc_ros.cli.record import shipped_scenarios
 
 RESULTS = Path(__file__).parents[1] / 'docs' / 'results' / 'scenarios.json'
@@ -43,25 +43,34 @@ def outcome(bag: Path, replayed: bool) -> dict[str, Any]:
     }
 
 
-def study(names: list[str], folder: Path) -> dict[str, Any]:
+def asked(*arguments: str) -> int:
+    """Run a verb of manifold-mpc; return its exit status. Ctrl-C there ends everything here."""
+    status = main(arguments)
+    if status == EXIT_INTERRUPTED:
+        sys.exit(EXIT_INTERRUPTED)
+    return status
+
+
+def study(names: list[str], folder: Path, *, keep: bool) -> dict[str, Any]:
     """Run the scenarios one after the other."""
     outcomes: dict[str, Any] = {}
     for name in names:
         bag = folder / 'bags' / name
-        if main(['record', name, '--overwrite', '-o', str(bag)]) not in (0, 1):
+        there = keep and bag.is_dir()
+        if not there and asked('record', name, '--overwrite', '-o', str(bag)) not in (0, 1):
             outcomes[name] = {'verdict': 'FAIL', 'not_kept': ['recording']}
             continue
-        main(['check', str(bag)])
-        outcomes[name] = outcome(bag, main(['replay', str(bag)]) == 0)
+        asked('check', str(bag))
+        outcomes[name] = outcome(bag, asked('replay', str(bag)) == 0)
     return outcomes
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run everything, write the results, print the summary."""
     names = arguments.names or [path.stem for path in shipped_scenarios()]
-    outcomes = study(names, arguments.output)
+    outcomes = study(names, arguments.output, keep=arguments.keep)
     bags = [str(arguments.output / 'bags' / name) for name in names]
-    main(['report', *bags, '--output', str(arguments.output / 'report')])
+    asked('report', *bags, '--output', str(arguments.output / 'report'))
     print(f'\n{"scenario":24} {"verdict":8} {"settling time":18} {"final error":16} replay')
     for name, found in outcomes.items():
         limits = found.get('limits', {})
@@ -83,4 +92,5 @@ if __name__ == '__main__':
         argparse.RawDescriptionHelpFormatter))
     parser.add_argument('names', nargs='*', metavar='NAME', help='scenarios (default: all)')
     parser.add_argument('--output', type=Path, default=Path('results/scenarios'), metavar='DIR')
+    parser.add_argument('--keep', action='store_true', help='record only what is not there yet')
     sys.exit(run(parser.parse_args()))
