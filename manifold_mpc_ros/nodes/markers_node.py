@@ -4,12 +4,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import QuaternionStamped, Vector3Stamped, WrenchStamped
 from nav_msgs.msg import Odometry, Path
+from rclpy.subscription import Subscription
 from sensor_msgs.msg import Imu
 from visualization_msgs.msg import MarkerArray
 
@@ -29,11 +31,14 @@ from manifold_mpc_ros.nodes.marker_shapes import Picture, markers
 #: A viewer needs no more pictures than this [s].
 PERIOD_S = 0.05
 
+Callback = Callable[[Any], None]
+
 
 class AttitudeMarkersNode(ManagedNode):
     """States, setpoints, torques and plans in, one MarkerArray out, at most 20 times a second.
 
-    Nothing is published while nobody subscribes to ``~/markers``.
+    While nobody subscribes to ``~/markers`` nothing is published, and nothing but setpoints is
+    listened to: the controller then publishes no prediction for it.
     """
 
     def build(self, values: Mapping[str, Value]) -> None:
@@ -44,19 +49,20 @@ class AttitudeMarkersNode(ManagedNode):
         source = str(values['state_source'])
         kind, read = {'odometry': (Odometry, messages.from_odometry),
                       'imu': (Imu, messages.from_imu)}[source]
-        subscribed = (
-            (kind, source, lambda message: self._on_state(read(message))),
+        # Setpoints come seldom: one that nobody saw coming is drawn all the same.
+        self._always = self._subscribe((
             (QuaternionStamped, 'attitude_setpoint', self._on_attitude),
-            (Vector3Stamped, 'direction_setpoint', self._on_direction),
+            (Vector3Stamped, 'direction_setpoint', self._on_direction)))
+        self._streams = (
+            (kind, source, lambda message: self._on_state(read(message))),
             (WrenchStamped, 'torque_command', self._on_torque),
             (Path, 'attitude_controller/prediction', self._on_prediction))
-        self._inputs = [self.create_subscription(each, topic, callback, INPUT_QOS)
-                        for each, topic, callback in subscribed]
+        self._while_looked_at: list[Subscription] = []
 
     def take_down(self) -> None:
         """Remove the interfaces."""
-        for subscription in self._inputs:
-            self.destroy_subscription(subscription)
+        self._unsubscribe(self._always)
+        self._unsubscribe(self._while_looked_at)
         self.destroy_lifecycle_publisher(self._publisher)
 
     def start(self) -> None:
@@ -88,11 +94,26 @@ class AttitudeMarkersNode(ManagedNode):
             {'mode': 'PAUSED' if self._paused else 'RUN', 'pictures': self._drawn})
 
     def _on_timer(self) -> None:
-        """Publish the picture when it is new and somebody looks."""
-        if self._fresh and not self._paused and self._publisher.get_subscription_count() > 0:
+        """Listen while somebody looks, and publish the picture when it is new."""
+        looked_at = self._publisher.get_subscription_count() > 0
+        if looked_at and not self._while_looked_at:
+            self._while_looked_at = self._subscribe(self._streams)
+        elif not looked_at and self._while_looked_at:
+            self._unsubscribe(self._while_looked_at)
+        if looked_at and self._fresh and not self._paused:
             self._publisher.publish(markers(self._picture))
             self._fresh = False
             self._drawn += 1
+
+    def _subscribe(self, wanted: Iterable[tuple[type, str, Callback]]) -> list[Subscription]:
+        """Subscribe to topics, each with its type and callback."""
+        return [self.create_subscription(kind, topic, callback, INPUT_QOS)
+                for kind, topic, callback in wanted]
+
+    def _unsubscribe(self, subscriptions: list[Subscription]) -> None:
+        """Subscribe to these no more."""
+        while subscriptions:
+            self.destroy_subscription(subscriptions.pop())
 
     def _on_state(self, raw: RawState) -> None:
         """Take a state."""
