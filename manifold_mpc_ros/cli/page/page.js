@@ -156,9 +156,11 @@ class Run {
   }
 }
 
-// Browsers draw few 3D views at a time: each is drawn when it comes into sight.
-function drawScenesInSight(runs) {
-  const drawn = [];
+// Browsers draw few 3D views at a time: all but the first are drawn when they come into sight.
+async function drawScenes(runs) {
+  const drawn = [runs[0]];
+  await runs[0].drawScene();
+  document.body.dataset.drawn = 'true';
   const observer = new IntersectionObserver(async (entries) => {
     for (const entry of entries.filter((each) => each.isIntersecting)) {
       const run = runs.find((each) => each.scene === entry.target);
@@ -166,7 +168,6 @@ function drawScenesInSight(runs) {
       drawn.push(run);
       if (drawn.length > MOST_SCENES) drawn.shift().removeScene();
       await run.drawScene();
-      document.body.dataset.drawn = 'true';
     }
   });
   runs.forEach((run) => observer.observe(run.scene));
@@ -179,7 +180,7 @@ async function main() {
   const comparison = document.querySelector('.comparison');
   if (comparison) await Plotly.newPlot(comparison, page.comparison.data, page.comparison.layout, CONFIG);
   for (const run of runs) await run.drawHistories();
-  drawScenesInSight(runs);
+  await drawScenes(runs);
   const fit = () => document.querySelectorAll('.js-plotly-plot').forEach((plot) => Plotly.Plots.resize(plot));
   window.matchMedia('print').addEventListener('change', fit);
 }
