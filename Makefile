@@ -5,7 +5,7 @@
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help setup test lint types pytest coverage demo figures bench clean
+.PHONY: help setup test lint types pytest coverage demo figures golden bench clean
 
 # The first that runs; the ROS wheels are tested with 3.11. Override with PYTHON=...
 PYTHON ?= $(firstword $(foreach p,python3.11 python3,$(shell $(p) -c '' 2> /dev/null && echo $(p))))
@@ -73,6 +73,9 @@ figures: $(STAMP)  ## Reproduce the four figures of the paper
 bench: $(STAMP) $(PEERS)  ## Compare the solver with others, side by side on one core
 	@$(BIN)/manifold-mpc bench $(BENCH_ARGS)
 
+golden: $(STAMP)  ## Record the golden bags of the tests again
+	@$(BIN)/python test/bags/record_golden.py
+
 clean:  ## Remove .venv and everything that was built
 	rm -rf $(VENV) build dist install log manifold_mpc_ros.egg-info
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis
@@ -91,6 +94,6 @@ $(PEERS): $(DEPENDENCIES)
 # Seconds: the executables in .venv run the files of this checkout again.
 $(STAMP): $(DEPENDENCIES) setup.cfg pyproject.toml package.xml \
         $(wildcard resource/* config/*.yaml config/*/*.yaml launch/*.py) \
-        $(shell find manifold_mpc_ros -name '*.py' -o -name py.typed)
+        $(shell find manifold_mpc_ros -name '*.py' -o -name py.typed -o -path '*/page/*')
 	@PYTHON='$(PYTHON)' .ci/setup $(VENV) package
 	@touch $@

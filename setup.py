@@ -14,12 +14,14 @@ NAME = 'manifold_mpc_ros'
 EXECUTABLES = {
     'controller': f'{NAME}.nodes.controller:main',
     'simulator': f'{NAME}.nodes.simulator:main',
+    'markers': f'{NAME}.nodes.markers:main',
     'manifold-mpc': f'{NAME}.cli.main:main',
 }
 RUNTIME = [
     'casadi>=3.6.5',
     'matplotlib>=3.6',
     'numpy>=1.26',
+    'plotly>=5.15',
     'pyarrow>=14',
     'python-flint>=0.7',
     'pyyaml>=6.0',
@@ -90,11 +92,11 @@ setup(
     maintainer='The manifold_mpc_ros authors',
     maintainer_email='maintainers@manifold-mpc-ros.example',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed', 'mpc/kernel/*.c', 'mpc/kernel/*.h']},
+    package_data={NAME: ['py.typed', 'cli/page/*', 'mpc/kernel/*.c', 'mpc/kernel/*.h']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
-        (f'share/{NAME}/config', sorted(glob('config/*.yaml'))),
+        (f'share/{NAME}/config', sorted(glob('config/*.*'))),
         (f'share/{NAME}/config/campaigns', sorted(glob('config/campaigns/*.yaml'))),
         (f'share/{NAME}/config/scenarios', sorted(glob('config/scenarios/*.yaml'))),
         (f'share/{NAME}/config/systemd', sorted(glob('config/systemd/*.service'))),

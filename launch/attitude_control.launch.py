@@ -3,6 +3,7 @@
 """Start the attitude controller, and a simulated spacecraft unless there is a real one.
 
 ros2 launch manifold_mpc_ros attitude_control.launch.py namespace:=sat1 with_simulator:=false
+ros2 launch manifold_mpc_ros attitude_control.launch.py rviz:=true
 """
 
 from launch.actions import DeclareLaunchArgument
@@ -19,7 +20,7 @@ RESPAWN_DELAY_S = 0.5
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Declare the arguments and both nodes; the nodes configure and activate themselves."""
+    """Declare the arguments and the nodes, which configure and activate themselves."""
     simulated_time = ParameterValue(LaunchConfiguration('use_sim_time'), value_type=bool)
     return LaunchDescription([
         DeclareLaunchArgument(
@@ -39,6 +40,12 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument(
             'respawn', default_value='false',
             description='start a node again when it has ended'),
+        DeclareLaunchArgument(
+            'markers', default_value='true',
+            description='start the node that draws for RViz and Foxglove, when they look'),
+        DeclareLaunchArgument(
+            'rviz', default_value='false',
+            description='start RViz too (topics without a namespace)'),
         Node(
             package=PACKAGE, executable='controller', output='screen',
             respawn=LaunchConfiguration('respawn'), respawn_delay=RESPAWN_DELAY_S,
@@ -52,9 +59,19 @@ def generate_launch_description() -> LaunchDescription:
             parameters=[LaunchConfiguration('simulator_params'),
                         {'timing.publish_clock': simulated_time}],
             condition=IfCondition(LaunchConfiguration('with_simulator'))),
+        Node(
+            package=PACKAGE, executable='markers', output='screen',
+            namespace=LaunchConfiguration('namespace'),
+            parameters=[{'use_sim_time': simulated_time}],
+            condition=IfCondition(LaunchConfiguration('markers'))),
+        Node(
+            package='rviz2', executable='rviz2',
+            arguments=['-d', _shipped('attitude.rviz')],
+            parameters=[{'use_sim_time': simulated_time}],
+            condition=IfCondition(LaunchConfiguration('rviz'))),
     ])
 
 
 def _shipped(name: str) -> PathJoinSubstitution:
-    """Return the path of a parameter file of this package."""
+    """Return the path of a file in this package's folder config."""
     return PathJoinSubstitution([FindPackageShare(PACKAGE), 'config', name])

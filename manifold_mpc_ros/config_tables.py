@@ -1,6 +1,6 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The parameters of both nodes: one table each, from which everything else about them follows."""
+"""The parameters of the nodes: one table each, from which everything else about them follows."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from manifold_mpc_ros.config_parameters import ParameterSpec
 
 CONTROLLER_NAME = 'attitude_controller'
 SIMULATOR_NAME = 'lgvi_simulator'
+MARKERS_NAME = 'attitude_markers'
 
 _INERTIA = ParameterSpec(
     'spacecraft.inertia_kg_m2', 'floats', [1.0, 0.9, 0.6],
@@ -19,6 +20,9 @@ _MAX_TORQUE = ParameterSpec(
     'limits.max_torque_n_m', 'floats', [0.3, 0.3, 0.3],
     'largest torque about each body axis, either sign', unit='N m', lengths=(1, 3),
     infinite=True, required=True)
+_STATE_SOURCE = ParameterSpec(
+    'state_source', 'str', 'odometry', 'topic that brings attitude and body rate',
+    choices=('odometry', 'imu'), read_only=True)
 _INERTIAL_FRAME = ParameterSpec(
     'inertial_frame_id', 'str', 'inertial', 'frame that attitudes are measured against',
     read_only=True)
@@ -82,9 +86,7 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
         'pointing.weight', 'float', 2.0,
         'w of w (1 - cos(pointing error)) (target: pointing)', unit='1', low=0.0, high=1e12,
         name_in_config='pointing_weight'),
-    ParameterSpec(
-        'state_source', 'str', 'odometry', 'topic that brings attitude and body rate',
-        choices=('odometry', 'imu'), read_only=True),
+    _STATE_SOURCE,
     _INERTIAL_FRAME,
     _BODY_FRAME,
     ParameterSpec(
@@ -173,6 +175,17 @@ SIMULATOR_PARAMETERS: tuple[ParameterSpec, ...] = (
         'lockstep_timeout_s', 'float', 10.0,
         'wall clock after which time advances with zero torque, once a first answer has come',
         unit='s', low=0.1, high=3600.0, read_only=True),
+    _INERTIAL_FRAME,
+    _BODY_FRAME,
+    _AUTOSTART,
+)
+
+MARKERS_PARAMETERS = (
+    _STATE_SOURCE,
+    ParameterSpec(
+        'torque_length_per_n_m', 'float', 3.0,
+        'length of the arrow of a torque of 1 N m; the body axes have length 1', unit='1/(N m)',
+        low=0.0, high=1e9),
     _INERTIAL_FRAME,
     _BODY_FRAME,
     _AUTOSTART,

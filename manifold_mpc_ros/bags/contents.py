@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import binascii
 import json
+import struct
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -46,6 +47,13 @@ class RawMessage:
     received_ns: int
     published_ns: int
     data: bytes
+
+
+def stamp_ns_of(data: bytes) -> int:
+    """Return the stamp of a serialized message that begins with a header (or a time) [ns]."""
+    order = '<' if data[1] & 1 else '>'
+    seconds, rest = struct.unpack_from(f'{order}iI', data, 4)
+    return int(seconds) * 1_000_000_000 + int(rest)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import functools
 import struct
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
@@ -128,3 +128,36 @@ def vector(content: Any) -> FloatArray:
 #: What gives a state, by type.
 STATE_READERS: dict[str, Callable[[Any], StateValue]] = {
     ODOMETRY: odometry, IMU: imu, POSE: pose, TWIST: twist}
+
+
+def odometry_cdr(
+    stamp_ns: int, xyzw: Sequence[float], omega_BN_B: FloatArray, frames: tuple[str, str],
+) -> bytes:
+    """Return an odometry message of a body that turns in place, serialized."""
+    types, zeros = typestore().types, np.zeros(36)
+    none = types['geometry_msgs/msg/Vector3'](0.0, 0.0, 0.0)
+    rate = types['geometry_msgs/msg/Vector3'](*map(float, omega_BN_B))
+    attitude = types['geometry_msgs/msg/Quaternion'](*map(float, xyzw))
+    origin = types['geometry_msgs/msg/Point'](0.0, 0.0, 0.0)
+    return bytes(typestore().serialize_cdr(types[ODOMETRY](
+        _header(stamp_ns, frames[0]), frames[1],
+        types['geometry_msgs/msg/PoseWithCovariance'](
+            types['geometry_msgs/msg/Pose'](origin, attitude), zeros),
+        types['geometry_msgs/msg/TwistWithCovariance'](
+            types['geometry_msgs/msg/Twist'](none, rate), zeros)), ODOMETRY))
+
+
+def attitude_cdr(stamp_ns: int, xyzw: Sequence[float], frame_id: str) -> bytes:
+    """Return a commanded attitude, serialized."""
+    types = typestore().types
+    return bytes(typestore().serialize_cdr(types[ATTITUDE](
+        _header(stamp_ns, frame_id), types['geometry_msgs/msg/Quaternion'](*map(float, xyzw))),
+        ATTITUDE))
+
+
+def _header(stamp_ns: int, frame_id: str) -> Any:
+    """Return a header."""
+    types = typestore().types
+    seconds, rest = divmod(stamp_ns, NANOSECONDS)
+    return types['std_msgs/msg/Header'](
+        types['builtin_interfaces/msg/Time'](seconds, rest), frame_id)

@@ -8,7 +8,7 @@ nanoseconds of the recorder's system clock, what ``ros2 bag play`` goes by.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,6 +49,12 @@ class CommandSeries:
     def __len__(self) -> int:
         """Return m."""
         return len(self.stamp_ns)
+
+    def without(self, rows: Collection[int]) -> CommandSeries:
+        """Return the commands but those of some rows."""
+        kept = [row for row in range(len(self)) if row not in rows]
+        return CommandSeries(self.stamp_ns[kept], self.time_s[kept], self.received_ns[kept],
+                             self.torque_B_n_m[kept], self.repeats)
 
 
 @dataclass(frozen=True, eq=False)

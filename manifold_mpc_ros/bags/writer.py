@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Literal
 
 from rosbags.interfaces import Connection
-from rosbags.rosbag2 import StoragePlugin, WriterError
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, WriterError
 from rosbags.rosbag2.metadata import parse_qos
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
@@ -44,6 +44,8 @@ class BagWriter:
         Folder of the bag, which must not exist yet.
     storage
         'mcap' or 'sqlite3'.
+    compress
+        Compress the chunks of MCAP with zstd.
 
     Raises
     ------
@@ -52,7 +54,7 @@ class BagWriter:
 
     """
 
-    def __init__(self, path: Path, storage: str = 'mcap') -> None:
+    def __init__(self, path: Path, storage: str = 'mcap', *, compress: bool = False) -> None:
         """Create the folder and the storage."""
         self.path = path
         self._checksums = Checksums()
@@ -63,6 +65,8 @@ class BagWriter:
         with self._explained():
             self._writer = RecordingWriter(
                 path, version=METADATA_VERSION, storage_plugin=STORAGES[storage])
+            if compress:
+                self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
             self._writer.open()
             self._reserve = path / _RESERVE_NAME
             self._reserve.write_bytes(os.urandom(RESERVE_BYTES))  # nothing that compresses

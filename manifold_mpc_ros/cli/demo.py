@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NoReturn
 import numpy as np
 
 from manifold_mpc_ros.cli import arguments as shared
+from manifold_mpc_ros.cli.demo_bag import DemoBag
 from manifold_mpc_ros.cli.demo_watch import (
     HOLD_S,
     StartWatch,
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
 SUMMARY = 'Close the loop over DDS: controller and simulator as two processes, live.'
 EXAMPLES = """\
   manifold-mpc demo
-      a slew of 180 degrees with the shipped parameters; pictures in results/demo
+      a slew of 180 degrees with the shipped parameters; bag, report, pictures in results/demo
   manifold-mpc demo --simulator-config tumble.yaml --time-limit 60 --output results/tumble
       another spacecraft or start
 """
@@ -74,7 +75,8 @@ def run(arguments: argparse.Namespace) -> int:
     signal.signal(signal.SIGTERM, _interrupt)
     console = report.make_console()
     console.print(f'Two processes on ROS_DOMAIN_ID={domain_id}, topics under {namespace}')
-    with recorder_class(domain_id, namespace) as recorder, NodeProcesses() as processes:
+    with recorder_class(domain_id, namespace) as recorder, NodeProcesses() as processes, \
+            DemoBag(arguments.output / 'bag', domain_id, namespace) as bag:
         def start(module: str, file: Path) -> None:
             processes.start(
                 module, ['--params-file', str(file), '-r', f'__ns:={namespace}'], environment,
@@ -88,9 +90,24 @@ def run(arguments: argparse.Namespace) -> int:
             start('controller', files[0])
             waiting.until(lambda: loop_is_closed(recorder))
             watch_until_settled(recorder, processes, config.mpc, arguments, display)
-        exits = processes.stop()
+        bag.end()
         recording, solver = recorder.recording(), recorder.solver
-    return _finish(console, recording, solver, waiting.elapsed_s, exits, config, arguments)
+        bag.describe(files, arguments, recorder.first_ns, float(recording.state_time_s[-1]))
+        exits = processes.stop()
+    status = _finish(console, recording, solver, waiting.elapsed_s, exits, config, arguments)
+    return status if _report(console, bag) else 1
+
+
+def _report(console: Console, bag: DemoBag) -> bool:
+    """Write the page about the bag and say where both are; return whether that worked."""
+    from manifold_mpc_ros.cli.bag_report import write_report
+    if bag.failure:
+        console.print(f'no report: {bag.failure}', soft_wrap=True, markup=False)
+        return False
+    page = write_report(bag.path.parent / 'report', [bag.path])[0]
+    console.print(f'Bag and report, to look at in a browser:\n  {bag.path}\n  {page}',
+                  soft_wrap=True, markup=False)
+    return True
 
 
 def _recorder_class() -> type[Recorder]:

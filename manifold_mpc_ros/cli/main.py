@@ -10,6 +10,7 @@ import importlib.metadata
 import os
 import sys
 from collections.abc import Sequence
+from types import ModuleType
 from typing import NoReturn
 
 from manifold_mpc_ros.errors import ManifoldMpcError
@@ -17,7 +18,9 @@ from manifold_mpc_ros.errors import ManifoldMpcError
 PROGRAM = 'manifold-mpc'
 # One module of this folder for each verb, with SUMMARY, EXAMPLES, add_arguments and run.
 VERBS = ('demo', 'simulate', 'design', 'certify', 'verify', 'domain', 'discontinuity', 'campaign',
-         'record', 'bench', 'figures')
+         'record', 'replay', 'check', 'report', 'bench', 'figures')
+# Where the module is not called like the verb.
+_MODULES = {'report': 'bag_report'}
 
 EXIT_SUCCESS = 0
 EXIT_NOT_ACHIEVED = 1
@@ -52,6 +55,11 @@ class _ShowVersion(argparse.Action):
         parser.exit(EXIT_SUCCESS)
 
 
+def module_of(verb: str) -> ModuleType:
+    """Return the module of a verb."""
+    return importlib.import_module(f'manifold_mpc_ros.cli.{_MODULES.get(verb, verb)}')
+
+
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser of the whole command line."""
     parser = _OneLineParser(
@@ -61,7 +69,7 @@ def build_parser() -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(
         dest='verb', metavar='VERB', required=True, title='verbs', parser_class=_OneLineParser)
     for name in VERBS:
-        module = importlib.import_module(f'manifold_mpc_ros.cli.{name}')
+        module = module_of(name)
         verb = verbs.add_parser(
             name, help=module.SUMMARY, description=module.SUMMARY,
             epilog=f'examples:\n{module.EXAMPLES}',

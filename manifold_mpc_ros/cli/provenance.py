@@ -25,6 +25,7 @@ def versions(rmw: str) -> dict[str, str]:
         'revision': revision(),
         'python': platform.python_version(),
         'machine': platform.machine(),
+        'processor': processor(),
         'ros_distro': os.environ.get('ROS_DISTRO', 'jazzy'),
         'rmw': rmw,
     }
@@ -45,6 +46,16 @@ def revision() -> str:
     except (OSError, subprocess.TimeoutExpired):
         return ''
     return done.stdout.strip()
+
+
+def processor() -> str:
+    """Return what the processor calls itself, empty where the system does not say."""
+    try:
+        lines = Path('/proc/cpuinfo').read_text(encoding='utf-8', errors='replace').splitlines()
+    except OSError:
+        return platform.processor()
+    names = (line.partition(':')[2].strip() for line in lines if line.startswith('model name'))
+    return next(names, platform.processor())
 
 
 def _installed(name: str) -> str:

@@ -52,6 +52,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--storage', choices=('mcap', 'sqlite3'), default='mcap',
         help='storage of the bag (default: %(default)s)')
     parser.add_argument(
+        '--compress', action='store_true', help='compress the chunks of MCAP with zstd')
+    parser.add_argument(
         '--overwrite', action='store_true', help='replace a bag that is there already')
     parser.add_argument(
         '--start-limit', type=shared.positive_number, default=120.0, metavar='S',
@@ -65,11 +67,13 @@ def run(arguments: argparse.Namespace) -> int:
     console = report.make_console()
     if arguments.list:
         return _list(console)
+    if arguments.compress and arguments.storage != 'mcap':
+        raise ConfigurationError('--compress', arguments.storage, '--storage mcap')
     scenario = find_scenario(arguments.scenario)
     path = arguments.output or DEFAULT_FOLDER / scenario.name
-    _require_ros()
+    require_ros('recording')
     _make_way(path, overwrite=arguments.overwrite)
-    signal.signal(signal.SIGTERM, _interrupt)
+    signal.signal(signal.SIGTERM, interrupt)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'  # the recorder is in this process
     console.print(f'{scenario.name}: {scenario.description}', markup=False)
     try:
@@ -126,7 +130,8 @@ def _record(
     with ExitStack() as stack:
         logs = stack.enter_context(_logs())
         domain = stack.enter_context(reserved_domain())
-        writer = stack.enter_context(BagWriter(path, arguments.storage))
+        writer = stack.enter_context(BagWriter(
+            path, arguments.storage, compress=arguments.compress))
         outcome = stack.enter_context(_outcome(writer))
         recorder = stack.enter_context(BagRecorder(domain, writer, plan.stamped, plan.others))
         processes = stack.enter_context(NodeProcesses())
@@ -183,16 +188,16 @@ def _make_way(path: Path, *, overwrite: bool) -> None:
     remove_bag(path)
 
 
-def _require_ros() -> None:
+def require_ros(what: str) -> None:
     """Say in one line what is missing."""
     try:
         import manifold_mpc_ros.nodes.bag_recorder  # noqa: F401
     except ImportError as error:
         raise ManifoldMpcError(
-            f'recording needs ROS 2 for Python, and {error.name or error} is not there: '
+            f'{what} needs ROS 2 for Python, and {error.name or error} is not there: '
             "pip install 'manifold_mpc_ros[ros]', or source a ROS 2 installation") from None
 
 
-def _interrupt(_number: int, _frame: object) -> NoReturn:
+def interrupt(_number: int, _frame: object) -> NoReturn:
     """Let SIGTERM end the nodes and close the bag as well, the way Ctrl-C does."""
     raise KeyboardInterrupt

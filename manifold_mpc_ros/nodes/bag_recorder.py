@@ -13,12 +13,12 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
-from manifold_mpc_ros.bags.contents import BagTopic, RawMessage
+from manifold_mpc_ros.bags.contents import BagTopic, RawMessage, stamp_ns_of
 from manifold_mpc_ros.bags.writer import BagWriter
 from manifold_mpc_ros.config_tables import CONTROLLER_NAME
 from manifold_mpc_ros.errors import BagError
 from manifold_mpc_ros.nodes.listener import Listener
-from manifold_mpc_ros.nodes.raw import message_class, qos_mapping, stamp_ns_of
+from manifold_mpc_ros.nodes.raw import message_class, qos_mapping
 
 NODE_NAME = 'bag_recorder'
 #: The graph is looked at for new topics, and the bag brought onto the disk, so often [s].
@@ -94,20 +94,22 @@ class BagRecorder(Listener):
         """When the first message that waits came, now if none does [ns of the system clock]."""
         return self._waiting[0].received_ns if self._waiting else time.time_ns()
 
-    def begin(self) -> None:
-        """Write what has waited, and everything else as it comes."""
+    def begin(self, first_stamp_ns: int = 0) -> None:
+        """Write what has waited, and everything else as it comes.
+
+        Of ``stamped`` topics, what has an earlier stamp than ``first_stamp_ns`` is left out.
+        """
         waiting, self._waiting = self._waiting or [], None
         for message in waiting:
-            self._write(message)
+            if message.topic not in self._stamped or stamp_ns_of(message.data) >= first_stamp_ns:
+                self._write(message)
 
     def tend(self) -> None:
         """Do what is due now and then; raises BagError when the bag cannot be written."""
         if self._failure is not None:
             raise self._failure
+        self.look()
         now_s = time.monotonic()
-        if now_s - self._looked_s >= LOOK_PERIOD_S:
-            self._looked_s = now_s
-            self._look()
         if now_s - self._flushed_s >= FLUSH_PERIOD_S and self._waiting is None:
             self._flushed_s = now_s
             self._writer.flush()
@@ -117,8 +119,12 @@ class BagRecorder(Listener):
         return {name: count.lost for name, count in sorted(self._counts.items())
                 if name in self._stamped and count.lost}
 
-    def _look(self) -> None:
-        """Subscribe to topics that are new."""
+    def look(self) -> None:
+        """Subscribe to topics that are new, now and then."""
+        now_s = time.monotonic()
+        if now_s - self._looked_s < LOOK_PERIOD_S:
+            return
+        self._looked_s = now_s
         for name, kinds in self.node.get_topic_names_and_types():
             if name not in self._kinds and name not in self.unrecorded:
                 self._subscribe(name, kinds[0])

@@ -10,7 +10,8 @@ from collections import deque
 import numpy as np
 from rclpy.node import Node
 
-from manifold_mpc_ros.nodes.raw import DEEP_QOS, stamp_ns_of
+from manifold_mpc_ros.bags.contents import stamp_ns_of
+from manifold_mpc_ros.nodes.raw import DEEP_QOS
 from manifold_mpc_ros.scenarios.parts import LinkFault
 
 

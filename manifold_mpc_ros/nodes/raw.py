@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import importlib
-import struct
 from typing import Any
 
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -14,13 +13,6 @@ from manifold_mpc_ros.nodes.gate import NANOSECONDS
 
 #: Nothing is lost between two looks; a publisher offers reliability.
 DEEP_QOS = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
-
-
-def stamp_ns_of(data: bytes) -> int:
-    """Return the stamp of a serialized message that begins with a header (or a time) [ns]."""
-    order = '<' if data[1] & 1 else '>'
-    seconds, rest = struct.unpack_from(f'{order}iI', data, 4)
-    return int(seconds) * NANOSECONDS + int(rest)
 
 
 def message_class(kind: str) -> type | None:

@@ -92,6 +92,13 @@ class Recorder:
         """Number of torque commands seen."""
         return len(self._torques)
 
+    @property
+    def first_ns(self) -> int:
+        """Stamp of the state that is answered first, of the first one while none is."""
+        answers_ns = sorted(set(self._stamps_ns).intersection(self._torque_stamps_ns))
+        seen_ns = answers_ns or self._stamps_ns
+        return seen_ns[0] if seen_ns else 0
+
     def latest_state(self) -> tuple[float, FloatArray, FloatArray]:
         """Return time since the first state [s], attitude and body rate of the last one."""
         elapsed_s = (self._stamps_ns[-1] - self._stamps_ns[0]) / NANOSECONDS
@@ -109,9 +116,7 @@ class Recorder:
 
     def recording(self) -> Recording:
         """Return everything seen so far as arrays."""
-        answers_ns = sorted(set(self._stamps_ns).intersection(self._torque_stamps_ns))
-        seen_ns = answers_ns or self._stamps_ns
-        first_ns = seen_ns[0] if seen_ns else 0
+        first_ns = self.first_ns
         return Recording(
             state_time_s=_seconds(self._stamps_ns, first_ns),
             R_NB=np.array(self._attitudes).reshape(-1, 3, 3),

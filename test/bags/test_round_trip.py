@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from golden import GOLDEN, NAMES
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rosbags.rosbag2 import Reader
@@ -22,9 +23,11 @@ from manifold_mpc_ros.bags.writer import BagWriter
 MESSAGES = run_messages(5)
 
 
-def rewrite(contents: BagContents, path: Path, storage: str) -> BagContents:
+def rewrite(
+    contents: BagContents, path: Path, storage: str, *, compress: bool = False,
+) -> BagContents:
     """Write everything that was read into another bag; read that."""
-    with BagWriter(path, storage) as writer:
+    with BagWriter(path, storage, compress=compress) as writer:
         for topic in contents.topics.values():
             writer.add_topic(topic)
         for message in contents.messages:
@@ -140,3 +143,24 @@ def test_compressed_bags_of_others(mode: str, tmp_path: Path) -> None:
     assert contents.warnings == ()
     assert [(m.topic, m.received_ns, m.data) for m in contents.messages] == [
         (m.topic, m.received_ns, m.data) for m in MESSAGES]
+
+
+@pytest.mark.parametrize('name', NAMES)
+def test_golden_bags_come_through_every_storage(name: str, tmp_path: Path) -> None:
+    """Golden bags are compressed; they are the same without, and compressed again."""
+    golden = read_bag(GOLDEN / f'{name}.mcap')
+    assert golden.warnings == ()
+    plain = rewrite(golden, tmp_path / 'plain', 'mcap')
+    again = rewrite(plain, tmp_path / 'again', 'mcap', compress=True)
+    database = rewrite(golden, tmp_path / 'database', 'sqlite3')
+    for other in (plain, again):
+        assert other.messages == golden.messages
+        assert other.topics == golden.topics
+    timed = [(each.topic, each.received_ns, each.data) for each in golden.messages]
+    assert [(each.topic, each.received_ns, each.data) for each in database.messages] == timed
+    assert size(tmp_path / 'again') < 0.6 * size(tmp_path / 'plain')
+
+
+def size(bag: Path) -> int:
+    """Return the size of a bag's storage file."""
+    return next(bag.glob('*.mcap')).stat().st_size

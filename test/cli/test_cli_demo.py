@@ -17,6 +17,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from manifold_mpc_ros.bags.run import read_run
+from manifold_mpc_ros.bags.verdict import judge
 from manifold_mpc_ros.cli import processes
 
 Command = Callable[..., tuple[int, str, str]]
@@ -50,6 +52,7 @@ def test_the_shipped_slew_settles_over_dds(tmp_path: Path) -> None:
     assert 'mode NOMINAL' in live[-1]
     for name in ('response.png', 'orientation.png'):
         assert (folder / name).read_bytes().startswith(b'\x89PNG')
+    bag_and_report(folder, done.stdout)
     error_deg = np.degrees(column(folder / 'states.csv', 'attitude_error_rad'))
     assert np.isclose(error_deg[0], 180.0, atol=1e-6)
     held = column(folder / 'states.csv', 'time_s') > column(
@@ -59,6 +62,19 @@ def test_the_shipped_slew_settles_over_dds(tmp_path: Path) -> None:
         assert np.all(np.abs(column(folder / 'torques.csv', f'torque_B_{axis}_n_m')) <= 0.3)
         rate = column(folder / 'states.csv', f'omega_BN_B_{axis}_rad_s')
         assert np.all(np.abs(rate[held]) < 1e-3)
+
+
+def bag_and_report(folder: Path, out: str) -> None:
+    """The run is in a bag that passes its own limits, and there is a page about it."""
+    run = read_run(folder / 'bag')
+    assert run.warnings == ()
+    assert judge(run).failed == ()
+    assert np.isclose(run.error_rad[0], np.pi, atol=1e-9)
+    watched = column(folder / 'states.csv', 'time_s')
+    assert abs(len(run.states) - int(np.sum(watched >= 0.0))) <= 10  # 0.5 s
+    page = folder / 'report' / 'demo.html'
+    assert page.is_file()
+    assert str(page) in out
 
 
 def test_sigterm_ends_the_nodes_as_well(tmp_path: Path) -> None:
@@ -74,6 +90,7 @@ def test_sigterm_ends_the_nodes_as_well(tmp_path: Path) -> None:
         demo.send_signal(signal.SIGTERM)
         out, err = demo.communicate(timeout=30)
     assert demo.returncode == 130
+    assert not (tmp_path / 'bag').exists()
     assert err == 'manifold-mpc: interrupted\n'
     assert 'settled' not in out
     assert not any(Path(f'/proc/{pid}').exists() for pid in nodes)

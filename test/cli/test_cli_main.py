@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 import re
 import shlex
@@ -45,7 +44,7 @@ def test_each_verb_has_help_with_examples(command: Command, verb: str) -> None:
 
 @pytest.mark.parametrize('verb', cli.VERBS)
 def test_the_examples_of_the_help_are_accepted(verb: str) -> None:
-    examples = importlib.import_module(f'manifold_mpc_ros.cli.{verb}').EXAMPLES
+    examples = cli.module_of(verb).EXAMPLES
     lines = re.findall(r'^ *manifold-mpc (.*)$', examples, re.MULTILINE)
     assert lines
     for line in lines:

@@ -61,7 +61,7 @@ def test_arguments(entities: list[Recorded]) -> None:
                 if entity.name == 'DeclareLaunchArgument'}
     assert set(declared) == {
         'namespace', 'controller_params', 'simulator_params', 'use_sim_time', 'with_simulator',
-        'respawn'}
+        'markers', 'respawn', 'rviz'}
     assert all(kwargs['description'] for kwargs in declared.values())
     for name, file in [('controller_params', 'controller'), ('simulator_params', 'simulator')]:
         share, folder, yaml = declared[name]['default_value'].args[0]
@@ -72,13 +72,19 @@ def test_arguments(entities: list[Recorded]) -> None:
 def test_nodes(entities: list[Recorded]) -> None:
     nodes = {entity.kwargs['executable']: entity.kwargs for entity in entities
              if entity.name == 'Node'}
-    assert set(nodes) == {'controller', 'simulator'}
-    for executable, kwargs in nodes.items():
+    assert set(nodes) == {'controller', 'simulator', 'markers', 'rviz2'}
+    assert nodes['markers']['namespace'].args[0] == 'namespace'
+    for executable in ('controller', 'simulator'):
+        kwargs = nodes[executable]
         assert kwargs['package'] == 'manifold_mpc_ros'
         assert kwargs['namespace'].args[0] == 'namespace'
         assert (kwargs['respawn'].args[0], kwargs['respawn_delay']) == ('respawn', 0.5)
         assert kwargs['parameters'][0].args[0] == f'{executable}_params'
-    assert nodes['simulator']['condition'].args[0].args[0] == 'with_simulator'
+    for executable, argument in (
+        ('simulator', 'with_simulator'), ('markers', 'markers'), ('rviz2', 'rviz')):
+        assert nodes[executable]['condition'].args[0].args[0] == argument
+    _, folder, file = nodes['rviz2']['arguments'][1].args[0]
+    assert (FILE.parents[1] / folder / file).exists()
     assert 'condition' not in nodes['controller']
     for executable, key in [('controller', 'use_sim_time'), ('simulator', 'timing.publish_clock')]:
         value = nodes[executable]['parameters'][1][key]

@@ -104,7 +104,7 @@ def test_the_wheel_holds_the_package_and_executable_stubs(wheel: Path) -> None:
     assert {n for n in modes if n.startswith('manifold_mpc_ros/') and n.endswith('.py')} == sources
     stubs = {Path(name).name: mode for name, mode in modes.items()
              if '.data/data/lib/manifold_mpc_ros/' in name}
-    assert set(stubs) == {'controller', 'simulator', 'manifold-mpc'}
+    assert set(stubs) == {'controller', 'simulator', 'markers', 'manifold-mpc'}
     assert all(mode & 0o111 == 0o111 for mode in stubs.values())
 
 

@@ -41,7 +41,7 @@ ROS = {
     'visualization_msgs',
 }
 ONLY_IN = {name: {'nodes'} for name in ROS}
-ONLY_IN.update({name: {'cli'} for name in ('matplotlib', 'mpl_toolkits', 'rich')})
+ONLY_IN.update({name: {'cli'} for name in ('matplotlib', 'mpl_toolkits', 'plotly', 'rich')})
 ONLY_IN['rosbags'] = {'bags'}
 ONLY_IN.update({name: {'campaigns'} for name in ('dask', 'distributed', 'pyarrow')})
 ONLY_IN.update({name: {'nodes', 'bench', 'cli'} for name in ('datetime', 'sched', 'time')})
