@@ -28,11 +28,11 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
+from manifold_mpc_ros.bags.contents import stamp_ns_of
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.gate import NANOSECONDS, StateSample
-from manifold_mpc_ros.nodes.raw import stamp_ns_of
 
 STATE_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 TORQUE_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)

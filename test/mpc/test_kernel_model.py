@@ -50,7 +50,7 @@ class Probe(InterpretedSolver):
         self._at(f.BARRIER)[:] = self._mu = mu
         self._at(f.EXACT)[:] = 1.0
         self._run('backward')
-        stationarity, _, decrease, _ = self._at(f.RESIDUALS).tolist()
+        stationarity, _, decrease, _, _ = self._at(f.RESIDUALS).tolist()
         return decrease, stationarity
 
     def merit(self, length: float) -> float:

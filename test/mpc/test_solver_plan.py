@@ -12,7 +12,7 @@ import pytest
 from cases import CERTIFIED, LIMITED, LIMITS, REFERENCE, cold, random_states, rest_states
 from numpy.typing import NDArray
 from oracle_starts import best
-from reference import plan_cost, roll_out
+from reference import closed_loop, plan_cost, roll_out
 from strategies import INERTIAS, generator, half_turns
 
 from manifold_mpc_ros.bench.oracle import Oracle, steps_of
@@ -159,3 +159,12 @@ def test_short_horizons(controller: Make, horizon: int, forcing: str) -> None:
         steps = steps_of(plan.R_NB, plan.omega_BN_B, mpc.config)
         polished = oracle.solve(R, omega, steps, polish=True)
         assert plan.cost == pytest.approx(polished.cost, rel=1e-6)
+
+
+@pytest.mark.parametrize('step_s', [0.02, 0.005])
+def test_short_steps_converge(controller: Make, step_s: float) -> None:
+    """At the rates of fast loops torques are small beside momenta, and their weights large."""
+    mpc = controller(**{**LIMITED, 'horizon': 20, 'forcing': 'symmetric', 'step_s': step_s})
+    log = closed_loop(cold(mpc), so3.exp(np.array([0.6, 0.5, 0.4])), np.zeros(3), 60)
+    assert {tick.plan.status for tick in log} == {SolveStatus.CONVERGED}
+    assert [tick.plan.searched for tick in log] == [True] + 59 * [False]

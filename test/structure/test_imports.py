@@ -3,9 +3,10 @@
 """The dependency direction of the modules, read from their import statements.
 
 ``cli > bench > nodes > bags > campaigns > scenarios > sim > safety > mpc > problems > {theory,
-dynamics} > lie > errors``: a module imports its own layer and those below it. ``theory`` and ``dynamics`` do
-not know each other. ``config`` may import ``errors`` and ``lie``; ``dynamics`` and the layers from
-``problems`` up may import ``config``; ``nodes`` and ``cli`` may use the package's public names.
+dynamics} > lie > errors``: a module imports its own layer and those below it. ``theory`` and
+``dynamics`` do not know each other. ``config`` may import ``errors`` and ``lie``; ``dynamics`` and
+the layers from ``problems`` up may import ``config``; ``nodes`` and ``cli`` may use the package's
+public names.
 """
 
 from __future__ import annotations

@@ -119,7 +119,7 @@ static void model_plan(solve *s)
     s->g[BARRIER] = s->mu;
     s->g[EXACT] = s->exact;
     run_backward(s->plan, s->fresh, s->model, s->g, s->horizon);
-    s->stationarity = residuals[0];
+    s->stationarity = residuals[0] / fmax(1.0, residuals[4] / LARGE_FORCE);
     s->products = residuals[1];
     s->decrease = residuals[2];
     ++s->passes;

@@ -32,6 +32,7 @@ TRAJECTORY = (ATTITUDE, MOMENTUM, FREE, STEP, TORQUE, TORQUE_SLACK, TORQUE_DUAL,
 INNER, LATER = Field('inner', 1, _MODEL), Field('later', 1, _MODEL)
 PULL = Field('pull', 3, _MODEL)            # torque gradient of the barrier model
 FORCE = Field('force', 3, _MODEL)          # torque gradient of the Lagrangian
+FORCE_SIZE = Field('force_size', 1, _MODEL)
 TORQUE_WEIGHT = Field('torque_weight', 3, _MODEL)
 PRODUCTS = Field('products', 1, _MODEL)    # largest complementarity product of a stage
 RATE_PRODUCTS = Field('rate_products', 1, _MODEL)
@@ -70,7 +71,8 @@ FORM_GRADIENT = Field('form_gradient', 6, _GLOBAL)  # of xi^T P xi / 2
 TURN_SUM = Field('turn_sum', 3, _GLOBAL)
 MOMENTUM_SUM = Field('momentum_sum', 3, _GLOBAL)
 LINEAR = Field('linear', 6, _GLOBAL)
-RESIDUALS = Field('residuals', 4, _GLOBAL)  # stationarity, products, decrease, pivot
+# Stationarity, complementarity products, expected decrease, least pivot, largest force.
+RESIDUALS = Field('residuals', 5, _GLOBAL)
 LARGEST_REACH = Field('largest_reach', 1, _GLOBAL)
 SUMS = Field('sums', 3, _GLOBAL)           # cost with penalties, logarithms, soundness
 LEAN = Field('lean', 3, _MODEL)            # of a slew's first steps

@@ -163,8 +163,9 @@ class InterpretedSolver(LocalSolver):
     def _model_plan(self) -> float:
         self._at(f.BARRIER)[:], self._at(f.EXACT)[:] = self._mu, self._exact
         self._run('backward')
-        self._stationarity, self._products, self._decrease, pivot = (
+        stationarity, self._products, self._decrease, pivot, force = (
             self._at(f.RESIDUALS).tolist())
+        self._stationarity = stationarity / max(1.0, force / rules.LARGE_FORCE)
         self._passes += 1
         return float(pivot)
 

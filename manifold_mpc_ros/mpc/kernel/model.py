@@ -57,10 +57,11 @@ def force_phase(structure: Structure) -> Phase:
         p = unpack(read(f.PARAMETER))
         force = p.torque_hessian @ read(f.TORQUE)
         if not structure.torque_box:
-            return {f.PULL: force, f.FORCE: force}
+            return {f.PULL: force, f.FORCE: force, f.FORCE_SIZE: largest(force)}
         s = read(f.TORQUE_DUAL)
         bounds = hard_bounds(read(f.TORQUE_SLACK), s, read(f.BARRIER))
-        return {f.PULL: force + box_transpose(bounds.pull, p.max_torque),
+        return {f.FORCE_SIZE: largest(force),
+                f.PULL: force + box_transpose(bounds.pull, p.max_torque),
                 f.FORCE: force + box_transpose(s, p.max_torque),
                 f.TORQUE_WEIGHT: box_hessian(bounds.weight, p.max_torque),
                 f.PRODUCTS: largest(bounds.slack * s)}

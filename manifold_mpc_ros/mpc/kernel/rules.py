@@ -8,6 +8,9 @@ from manifold_mpc_ros.mpc.kernel.barrier import BOUNDARY
 
 # Stop when stationarity and complementarity are below this (dimensionless).
 TOLERANCE = 1e-8
+# Stationarity is relative to the largest torque gradient where that exceeds this: with short steps
+# it is large, and so is its rounding.
+LARGE_FORCE = 10.0
 # The barrier ends here; the cost is then within 24 N times this of the optimum.
 SMALLEST_BARRIER = 1e-9
 # Shrink the barrier once the model expects less decrease than this many times mu.

@@ -151,7 +151,8 @@ def sweep_phase(structure: Structure) -> Phase:
                     ca.fmax(residuals[0], read(f.STAGE_RESIDUAL)),
                     ca.fmax(residuals[1], largest(*products)) if products else residuals[1],
                     residuals[2] + ca.dot(y[:, 0], scaled[:, 0]),
-                    ca.fmin(residuals[3], factor.pivot))}
+                    ca.fmin(residuals[3], factor.pivot),
+                    ca.fmax(residuals[4], read(f.FORCE_SIZE)))}
 
     return phase('sweep', expression, order=Order.BACKWARD)
 

@@ -128,7 +128,7 @@ def terminal_phase(structure: Structure) -> Phase:
         stationarity = ca.SX(0) if structure.symmetric else largest(last)
         writes = {f.VALUE: ca.vertcat(gradient, upper_entries(hessian)),
                   f.TURN_SUM: force[0:3],
-                  f.RESIDUALS: ca.vertcat(stationarity, products, 0, 1),
+                  f.RESIDUALS: ca.vertcat(stationarity, products, 0, 1, 0),
                   f.LINEAR: ca.SX.zeros(6), f.LARGEST_REACH: ca.SX.zeros(1)}
         if structure.terminal_set:
             writes[f.FORM_GRADIENT] = chart.derivative.T @ p_xi
