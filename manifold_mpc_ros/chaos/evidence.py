@@ -1,0 +1,197 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What was seen of one injected fault from outside, and the judgement on it. Pure logic."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+
+from manifold_mpc_ros.chaos.fault import CONTROLLER, Fault, Phase
+
+#: Commands within one step: a tick may come late and the next in time, and the end of activity
+#: has three zeros; more is a burst of ticks that had been missed.
+_MOST_IN_A_STEP = 6
+#: Rounding that a command may be above a limit by [1].
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class Command:
+    """A torque command as it left the controller, at the time that its publisher gave it [s]."""
+
+    time_s: float
+    torque_B_n_m: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a node said on /diagnostics."""
+
+    time_s: float
+    node: str
+    values: Mapping[str, str]
+
+    @property
+    def mode(self) -> str:
+        """The mode, '' without one."""
+        return self.values.get('mode', '')
+
+
+@dataclass
+class Evidence:
+    """Everything seen from the beginning of a fault until the recovery, or its bound.
+
+    Commands are all since the end of the last fault. Times are of one clock that never goes back
+    [s].
+    """
+
+    fault: Fault
+    phase: Phase
+    seed: int
+    begun_s: float
+    before: dict[str, Mapping[str, str]]
+    ended_s: float = math.nan
+    recovered_s: float | None = None
+    closed_s: float = math.nan
+    commands: list[Command] = field(default_factory=list)
+    reports: list[Report] = field(default_factory=list)
+    troubles: list[str] = field(default_factory=list)
+    exceptions: int = 0
+    tick_drift: int = 0
+    late_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What is demanded whatever the fault: the limits of the torque, the time between commands."""
+
+    max_torque_n_m: tuple[float, ...]
+    step_s: float
+    longest_gap_s: float
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One injected fault, judged."""
+
+    fault: str
+    row: str
+    phase: str
+    seed: int
+    reasons: tuple[str, ...]
+    detection_s: float | None
+    recovery_s: float | None
+    longest_gap_s: float
+    burst: int
+    silent: bool
+    commands: int
+    non_finite: int
+    over_limit: int
+    tick_drift: int
+    exceptions: int
+    late_s: float
+    modes: tuple[str, ...]
+
+    @property
+    def survived(self) -> bool:
+        """Whether nothing is held against the nodes."""
+        return not self.reasons
+
+
+def judge(seen: Evidence, limits: Limits) -> Verdict:
+    """Return the verdict on one fault: every reason why it counts as not survived.
+
+    What the machine was late by (measured in the observing process itself) is allowed for in the
+    bounds on time, and in nothing else.
+    """
+    expected = seen.fault.expected
+    detection_s = _detection(seen)
+    recovery_s = None if seen.recovered_s is None else seen.recovered_s - seen.ended_s
+    gap_s = longest_gap(
+        [c.time_s for c in seen.commands if c.time_s >= seen.begun_s],
+        seen.begun_s, seen.closed_s)
+    burst = largest_burst([command.time_s for command in seen.commands], limits.step_s)
+    non_finite = sum(not all(map(math.isfinite, c.torque_B_n_m)) for c in seen.commands)
+    over = sum(_over(c, limits.max_torque_n_m) for c in seen.commands)
+    modes = _modes(seen.reports)
+    strange = sorted(set(modes) - expected.stays) if expected.stays else []
+    reasons = [*seen.troubles]
+    for broken, words in (
+        (non_finite > 0, f'{non_finite} commands were not finite'),
+        (over > 0, f'{over} commands were over the limit'),
+        (seen.exceptions > 0, f'{seen.exceptions} unhandled exceptions'),
+        (seen.tick_drift != 0, f'{seen.tick_drift:+d} commands beyond one per tick'),
+        (burst > _MOST_IN_A_STEP, f'{burst} commands within one step'),
+        (recovery_s is None, f'did not recover within {expected.recovery_s:g} s'),
+        (not expected.silent and gap_s > limits.longest_gap_s + seen.late_s,
+         f'no command for {gap_s:.3f} s'),
+        (expected.visible and detection_s is None, f'not noticed: {_signs(seen.fault)}'),
+        (bool(strange) and seen.late_s < limits.step_s, f'went into {", ".join(strange)}'),
+    ):
+        if broken:
+            reasons.append(words)
+    return Verdict(
+        seen.fault.name, seen.fault.row, seen.phase.value, seen.seed, tuple(reasons),
+        detection_s, recovery_s, gap_s, burst, expected.silent, len(seen.commands), non_finite, over,
+        seen.tick_drift, seen.exceptions, seen.late_s, modes)
+
+
+def longest_gap(times_s: Sequence[float], begun_s: float, closed_s: float) -> float:
+    """Return the longest time without a command between two times [s]."""
+    marks = [begun_s, *sorted(times_s), closed_s]
+    return max(b - a for a, b in zip(marks, marks[1:], strict=False))
+
+
+def largest_burst(times_s: Sequence[float], step_s: float) -> int:
+    """Return the most commands within the length of one step."""
+    times_s = sorted(times_s)
+    return max((bisect_right(times_s, t + step_s) - i for i, t in enumerate(times_s)), default=0)
+
+
+def _over(command: Command, limits: Sequence[float]) -> bool:
+    """Whether a command is beyond a limit."""
+    return any(abs(value) > limit * (1.0 + _ROUNDING)
+               for value, limit in zip(command.torque_B_n_m, limits, strict=True))
+
+
+def _modes(reports: Iterable[Report]) -> tuple[str, ...]:
+    """Return the controller's modes in the order in which they were first seen."""
+    return tuple(dict.fromkeys(
+        r.mode for r in reports if r.node == CONTROLLER and r.mode))
+
+
+def _detection(seen: Evidence) -> float | None:
+    """Return the time from the beginning until a sign of the fault [s], None without one."""
+    expected = seen.fault.expected
+    for report in seen.reports:
+        if report.node == CONTROLLER and report.mode in expected.modes:
+            return report.time_s - seen.begun_s
+        before = seen.before.get(report.node, {})
+        for pattern in expected.counters:
+            node, _, keys = pattern.partition('.')
+            if node == report.node and _grown(report.values, before, keys):
+                return report.time_s - seen.begun_s
+    return None
+
+
+def _grown(now: Mapping[str, str], before: Mapping[str, str], pattern: str) -> bool:
+    """Whether a counter whose name fits is larger than before."""
+    return any(fnmatchcase(key, pattern) and _number(value) > _number(before.get(key, '0'))
+               for key, value in now.items())
+
+
+def _number(text: str) -> float:
+    """Return a counter; what is none counts as zero."""
+    try:
+        return float(text)
+    except ValueError:
+        return 0.0
+
+
+def _signs(fault: Fault) -> str:
+    """Say what should have been seen."""
+    return ' or '.join([*sorted(fault.expected.modes), *fault.expected.counters])
