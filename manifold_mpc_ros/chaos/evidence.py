@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from bisect import bisect_right
 from collections.abc import Iterable, Mapping, Sequence
@@ -136,14 +137,14 @@ def judge(seen: Evidence, limits: Limits) -> Verdict:
             reasons.append(words)
     return Verdict(
         seen.fault.name, seen.fault.row, seen.phase.value, seen.seed, tuple(reasons),
-        detection_s, recovery_s, gap_s, burst, expected.silent, len(seen.commands), non_finite, over,
-        seen.tick_drift, seen.exceptions, seen.late_s, modes)
+        detection_s, recovery_s, gap_s, burst, expected.silent, len(seen.commands), non_finite,
+        over, seen.tick_drift, seen.exceptions, seen.late_s, modes)
 
 
 def longest_gap(times_s: Sequence[float], begun_s: float, closed_s: float) -> float:
     """Return the longest time without a command between two times [s]."""
     marks = [begun_s, *sorted(times_s), closed_s]
-    return max(b - a for a, b in zip(marks, marks[1:], strict=False))
+    return max(b - a for a, b in itertools.pairwise(marks))
 
 
 def largest_burst(times_s: Sequence[float], step_s: float) -> int:

@@ -62,10 +62,14 @@ class _Pair(threading.Thread):
                     self._run_on_bench(trials, simulated_time)
         except Interrupted:
             pass
-        except Exception as error:
-            self.failure = f'{type(error).__name__}: {error}' \
-                if not isinstance(error, ManifoldMpcError) else str(error)
-            self._stopped.set()
+        except ManifoldMpcError as error:
+            self.failure = str(error)
+        except BaseException as error:
+            self.failure = f'{type(error).__name__}: {error}'
+            raise
+        finally:
+            if self.failure:
+                self._stopped.set()
 
     def _run_on_bench(self, trials: deque[Trial], simulated_time: bool) -> None:
         """Start a bench and run trials on it until none is left."""

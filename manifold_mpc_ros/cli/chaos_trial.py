@@ -96,11 +96,11 @@ class Trials:
         seen.reports = [r for r in observer.reports if r.time_s >= seen.begun_s]
         seen.troubles += [*doing.troubles, *bench.deaths]
         bench.deaths.clear()
+        seen.exceptions = bench.tracebacks()
         if seen.recovered_s is None:
             self._give_up()
         else:
             seen.tick_drift = self._tick_drift(fault.expected.surplus)
-        seen.exceptions = bench.tracebacks()
         seen.late_s = bench.late_s
         observer.clear()
         if not isinstance(fault.action, OnTopic):

@@ -214,7 +214,8 @@ class Requests:
             return True
         self._target = _NAME_OF[target]
         services = {(crafted[0], crafted[1]) for crafted in _KINDS[kind](random.Random(0))}
-        return all([self._client(*service).service_is_ready() for service in services])
+        clients = [self._client(*service) for service in services]
+        return all(client.service_is_ready() for client in clients)
 
     def _client(self, kind: type, name: str) -> Any:
         """Return the client of a node's service."""
