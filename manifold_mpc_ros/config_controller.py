@@ -28,6 +28,8 @@ class ControllerConfig:
     state_timeout_ticks: int
     decrease_tolerance: float
     attitude_noise_rad: float
+    scheduler_priority: int
+    lock_memory: bool
     lockstep: bool
     autostart: bool
 

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from manifold_mpc_ros.config_parameters import ParameterSpec
 
 CONTROLLER_NAME = 'attitude_controller'
@@ -37,7 +39,7 @@ def _weight(name: str, default: list[float], description: str, unit: str) -> Par
 
 
 CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
-    _INERTIA,
+    replace(_INERTIA, read_only=False),
     _MAX_TORQUE,
     ParameterSpec(
         'limits.max_rate_rad_s', 'floats', [0.6, 0.6, 0.6],
@@ -48,7 +50,7 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
         unit='s', low=0.0, high=3600.0, required=True, read_only=True),
     ParameterSpec(
         'mpc.horizon', 'int', 20, 'number of predicted steps', unit='steps', low=1, high=1000,
-        required=True, read_only=True),
+        required=True),
     _weight('attitude_weight', [1.0, 1.0, 1.0], 'Qg of tr(Qg (I - g))', '1'),
     _weight('rate_weight', [0.25, 0.35, 0.65], 'Qf of tr(Qf (I - f)) / h^2', 's^2'),
     _weight('torque_weight', [2.0, 2.0, 2.0], 'R of tr(u^T R u) / 2 with u = tau^x',
@@ -58,11 +60,11 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
         'lambda of the terminal design, above 0 and below 1', unit='1', low=0.0, high=1.0),
     ParameterSpec(
         'mpc.terminal_constraint', 'bool', True,
-        'end every prediction in the terminal set (false: terminal cost only)', read_only=True),
+        'end every prediction in the terminal set (false: terminal cost only)'),
     ParameterSpec(
         'mpc.forcing', 'str', 'symmetric',
         'discrete forcing: symmetric for a physical plant, paper for the form of the paper',
-        choices=('symmetric', 'paper'), read_only=True),
+        choices=('symmetric', 'paper')),
     ParameterSpec(
         'mpc.backend', 'str', 'auto',
         "how the solver runs: c (generated and compiled), vm (CasADi's virtual machine), or auto "
@@ -101,6 +103,13 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
         'monitor.attitude_noise_rad', 'float', 1e-4,
         'error of a measured attitude, and of the rate in one step, that is no reason to warn',
         unit='rad', low=0.0, high=3.0),
+    ParameterSpec(
+        'realtime.scheduler_priority', 'int', 0,
+        'SCHED_FIFO priority of the process where the system permits it; 0: the normal scheduler',
+        low=0, high=98, read_only=True),
+    ParameterSpec(
+        'realtime.lock_memory', 'bool', False,
+        'keep every page of the process in memory where the system permits it', read_only=True),
     _LOCKSTEP,
     _AUTOSTART,
 )

@@ -113,9 +113,13 @@ class StateGate:
         """Start with no state seen."""
         self._frames = (inertial_frame_id, body_frame_id)
         self._timed = timed
-        self._timeout_ns = round(timeout_s * NANOSECONDS)
+        self.set_timeout(timeout_s)
         self._future_ns = round(max(step_s / 2.0, SHORTEST_FUTURE_TOLERANCE_S) * NANOSECONDS)
         self.forget()
+
+    def set_timeout(self, timeout_s: float) -> None:
+        """Set the age above which a state is stale [s]."""
+        self._timeout_ns = round(timeout_s * NANOSECONDS)
 
     def forget(self) -> None:
         """Forget the order of stamps, as at the start."""

@@ -4,22 +4,34 @@
 
 from __future__ import annotations
 
+import functools
 import time
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.srv import ChangeState
 from rclpy.clock import Clock, ClockType
-from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.lifecycle import (
+    LifecycleNode,
+    LifecyclePublisher,
+    LifecycleState,
+    TransitionCallbackReturn,
+)
+from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_policy_name_from_kind
+from rclpy.subscription import Subscription
+from rclpy.timer import Timer
 from std_srvs.srv import SetBool, Trigger
 
 from manifold_mpc_ros.config_parameters import Value
 from manifold_mpc_ros.errors import ManifoldMpcError
+from manifold_mpc_ros.nodes.barrier import Barrier
 from manifold_mpc_ros.nodes.gate import RefusalLog
 from manifold_mpc_ros.nodes.messages import to_diagnostics
+from manifold_mpc_ros.nodes.parameter_requests import make_requests_safe
 from manifold_mpc_ros.nodes.parameters import NodeParameters
 from manifold_mpc_ros.nodes.usage import Program
 
@@ -40,6 +52,22 @@ class Status:
     values: dict[str, object] = field(default_factory=dict)
 
 
+Transition = Callable[[Any, LifecycleState], TransitionCallbackReturn]
+
+
+def noted(transition: Transition) -> Transition:
+    """Let an error of our own in a transition be noted; rclpy would drop it unsaid."""
+    @functools.wraps(transition)
+    def run(node: ManagedNode, state: LifecycleState) -> TransitionCallbackReturn:
+        try:
+            return transition(node, state)
+        except Exception as error:  # noqa: BLE001  (part of the barrier)
+            node.barrier.note(transition.__name__, error)
+            return TransitionCallbackReturn.ERROR
+
+    return run
+
+
 class ManagedNode(LifecycleNode):
     """A lifecycle node with checked parameters, diagnostics, ``~/reset`` and ``~/pause``.
 
@@ -56,14 +84,18 @@ class ManagedNode(LifecycleNode):
         self.configuring = False
         self.active = False
         self.refusals = RefusalLog()
+        self.barrier = Barrier(self.get_logger().error)
+        self.qos_conflicts: dict[str, str] = {}
         self._failure = ''
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', OUTPUT_QOS)
         # Diagnostics go on when simulated time does not.
         self.steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(DIAGNOSTICS_PERIOD_S, self.publish_diagnostics, clock=self.steady_clock)
+        self.tick_every(DIAGNOSTICS_PERIOD_S, 'diagnostics', self.publish_diagnostics)
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.create_service(SetBool, '~/pause', self._on_pause)
         self._guard_transitions()
+        make_requests_safe(self)
+        self.barrier.guard_services(self)
 
     @abstractmethod
     def build(self, values: Mapping[str, Value]) -> None:
@@ -93,6 +125,39 @@ class ManagedNode(LifecycleNode):
     def status(self) -> Status:
         """Say how the active node is doing."""
 
+    def tick_every(
+        self, period_s: float, where: str, callback: Callable[[], None], *, ros_time: bool = False,
+    ) -> Timer:
+        """Call back by the steady clock, or by the node's, behind the barrier."""
+        return self.create_timer(
+            period_s, self.barrier.guarded(where, callback),
+            clock=None if ros_time else self.steady_clock)
+
+    def listen(
+        self, kind: type, topic: str, callback: Callable[..., None], qos: QoSProfile,
+    ) -> Subscription:
+        """Subscribe, behind the barrier; publishers whose QoS does not fit are noted."""
+        return self.create_subscription(
+            kind, topic, self.barrier.guarded(topic, callback), qos,
+            event_callbacks=SubscriptionEventCallbacks(
+                incompatible_qos=self._conflict_on(topic)))
+
+    def advertise(self, kind: type, topic: str) -> LifecyclePublisher:
+        """Publish; subscribers whose QoS does not fit are noted."""
+        return self.create_lifecycle_publisher(
+            kind, topic, OUTPUT_QOS, event_callbacks=PublisherEventCallbacks(
+                incompatible_qos=self._conflict_on(topic)))
+
+    def _conflict_on(self, topic: str) -> Callable[[Any], None]:
+        """Return what notes the policy that keeps two ends of a topic apart."""
+        def note(event: Any) -> None:
+            policy = qos_policy_name_from_kind(event.last_policy_kind)
+            self.qos_conflicts[topic] = policy
+            self.get_logger().warning(f'{topic}: an end with another QoS does not match: {policy}')
+
+        return self.barrier.guarded(f'QoS of {topic}', note)
+
+    @noted
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Check all parameters and build; refuse with one message."""
         self.configuring = True
@@ -111,6 +176,7 @@ class ManagedNode(LifecycleNode):
         self.get_logger().info(f'configured in {time.monotonic() - begun_s:.1f} s')
         return super().on_configure(state)
 
+    @noted
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Begin to act."""
         result = super().on_activate(state)
@@ -119,17 +185,27 @@ class ManagedNode(LifecycleNode):
         self.get_logger().info('active')
         return result
 
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Return to unconfigured after an error of our own in a transition."""
+        self._cease()
+        self.barrier.guarded('taking down', self.take_down)()
+        self._table.changeable = True
+        return super().on_error(state)
+
+    @noted
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Cease to act; publishers stay open until the last output is out."""
         self._cease()
         return super().on_deactivate(state)
 
+    @noted
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Forget the configuration."""
         self.take_down()
         self._table.changeable = True
         return super().on_cleanup(state)
 
+    @noted
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Cease to act for good."""
         self._cease()
@@ -164,18 +240,30 @@ class ManagedNode(LifecycleNode):
     def publish_diagnostics(self) -> None:
         """Publish the present status and the counters of everything refused."""
         if self.active:
-            status = self.status()
+            self.say(self.status())
         elif self._failure:
-            status = Status(DiagnosticStatus.ERROR, self._failure, {'mode': 'UNCONFIGURED'})
+            self.say(Status(DiagnosticStatus.ERROR, self._failure, {'mode': 'UNCONFIGURED'}))
         else:
-            status = Status(DiagnosticStatus.OK, 'not active', {'mode': 'INACTIVE'})
+            self.say(Status(DiagnosticStatus.OK, 'not active', {'mode': 'INACTIVE'}))
+
+    def say(self, status: Status) -> None:
+        """Publish a status with the counters of everything refused."""
+        self._add_counters(status)
+        self._diagnostics.publish(to_diagnostics(
+            self.get_clock().now().nanoseconds, self.get_fully_qualified_name().lstrip('/'),
+            status.level, status.message, status.values))
+
+    def _add_counters(self, status: Status) -> None:
+        """Add everything that was refused, caught, or kept apart by its QoS."""
         for key, count in sorted(self.refusals.counts.items()):
             status.values[f'refused.{key}'] = count
         if self.refusals.latest:
             status.values['refused_latest'] = self.refusals.latest
-        self._diagnostics.publish(to_diagnostics(
-            self.get_clock().now().nanoseconds, self.get_fully_qualified_name().lstrip('/'),
-            status.level, status.message, status.values))
+        status.values['exceptions'] = sum(self.barrier.counts.values())
+        if self.barrier.latest:
+            status.values['exception_latest'] = self.barrier.latest
+        for topic, policy in self.qos_conflicts.items():
+            status.values[f'incompatible_qos.{topic}'] = policy
 
     def _on_reset(
         self, _request: Trigger.Request, response: Trigger.Response,

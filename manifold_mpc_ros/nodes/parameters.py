@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -17,7 +17,12 @@ from rcl_interfaces.msg import (
 from rclpy.lifecycle import LifecycleNode
 from rclpy.parameter import Parameter
 
-from manifold_mpc_ros.config_parameters import ParameterSpec, Value, resolve_parameters
+from manifold_mpc_ros.config_parameters import (
+    ROS_PARAMETERS,
+    ParameterSpec,
+    Value,
+    resolve_parameters,
+)
 from manifold_mpc_ros.errors import ConfigurationError
 
 
@@ -26,8 +31,9 @@ class NodeParameters:
 
     Every parameter takes any type at first: a value of the wrong type has to reach the check,
     which names key, value and what is valid, and must not end the process. Read-only ones are
-    fixed from the start; the others may be set while the node is unconfigured, and take effect
-    when it configures.
+    fixed from the start. The others may be set while the node is unconfigured, each checked by
+    itself, and take effect when it configures; after that only where the node takes whole new
+    sets, and only such a set as could be configured.
 
     Arguments
     ---------
@@ -48,6 +54,8 @@ class NodeParameters:
         self._node = node
         self._specs = {spec.name: spec for spec in specs}
         self._complete = complete
+        self._check: Callable[[dict[str, Value]], object] | None = None
+        self._restoring = False
         self.changeable = True
         self._given = set(node.list_parameters([], 0).names)
         for spec in specs:
@@ -56,14 +64,41 @@ class NodeParameters:
 
     def resolve(self) -> dict[str, Value]:
         """Return one checked value for every parameter; raise ConfigurationError."""
-        given = {name: self._read(name) for name in sorted(self._given)}
-        return resolve_parameters(
-            list(self._specs.values()), given, complete=self._complete)
+        return self._resolved({})
 
     def flag(self, name: str) -> bool:
         """Return a boolean parameter; its shipped value when what was given is not one."""
         value = self._read(name)
         return value if isinstance(value, bool) else bool(self._specs[name].default)
+
+    def take_at_run_time(
+        self, check: Callable[[dict[str, Value]], object],
+        apply: Callable[[dict[str, Value]], None],
+    ) -> None:
+        """Accept whole sets that ``check`` lets pass while configured, then hand them over."""
+        def applied(parameters: list[Parameter]) -> None:
+            own = any(parameter.name in self._specs for parameter in parameters)
+            if own and not self.changeable and not self._restoring:
+                apply(self.resolve())
+
+        self._check = check
+        self._node.add_post_set_parameters_callback(applied)
+
+    def restore(self, values: Mapping[str, Value]) -> None:
+        """Return to values that were in force before, without handing them over again."""
+        self._restoring = True
+        try:
+            self._node.set_parameters_atomically([
+                Parameter(name, value=value) for name, value in values.items()
+                if not self._specs[name].read_only])
+        finally:
+            self._restoring = False
+
+    def _resolved(self, changes: Mapping[str, Any]) -> dict[str, Value]:
+        """Return one checked value for every parameter, some of them changed."""
+        given = {name: self._read(name) for name in sorted(self._given)} | dict(changes)
+        return resolve_parameters(
+            list(self._specs.values()), given, complete=self._complete)
 
     def _declare(self, spec: ParameterSpec) -> None:
         """Declare one parameter, or describe and clean what the command line declared."""
@@ -79,27 +114,37 @@ class NodeParameters:
 
     def _read(self, name: str) -> Any:
         """Return the value of a parameter as plain Python."""
-        value = self._node.get_parameter(name).value
-        return list(value) if isinstance(value, (array, tuple)) else value
+        return _plain(self._node.get_parameter(name).value)
 
     def _on_set(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Accept a change only when it is valid by itself and will take effect."""
-        for parameter in parameters:
-            spec = self._specs.get(parameter.name)
-            if spec is None:
-                continue
+        """Accept a change only when it is valid and will take effect: all of it, or nothing."""
+        changes = {parameter.name: _plain(parameter.value) for parameter in parameters}
+        own = {name: value for name, value in changes.items() if name in self._specs}
+        try:
             if not self.changeable:
-                return SetParametersResult(successful=False, reason=(
-                    f'{spec.name} is read when the node configures: deactivate and clean up '
-                    'first'))
-            value = parameter.value
-            try:
-                spec.check(list(value) if isinstance(value, (array, tuple)) else value)
-            except ConfigurationError as error:
-                return SetParametersResult(successful=False, reason=str(error))
-        self._given.update(
-            parameter.name for parameter in parameters if parameter.name in self._specs)
+                self._refuse_too_late(changes, own)
+            for name, value in own.items():
+                self._specs[name].check(value)
+            if own and not self.changeable and self._check is not None:
+                self._check(self._resolved(own))
+        except ConfigurationError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        self._given.update(own)
         return SetParametersResult(successful=True)
+
+    def _refuse_too_late(self, changes: Mapping[str, Any], own: Mapping[str, Any]) -> None:
+        """Raise ConfigurationError for what is read when the node configures only."""
+        fixed = {name: value for name, value in changes.items()
+                 if name in ROS_PARAMETERS or (name in own and self._check is None)}
+        for name, value in fixed.items():
+            raise ConfigurationError(name, value, (
+                'no change now: it is read when the node configures, so deactivate and clean up '
+                'first'))
+
+
+def _plain(value: Any) -> Any:
+    """Return arrays as lists."""
+    return list(value) if isinstance(value, (array, tuple)) else value
 
 
 def _descriptor(spec: ParameterSpec) -> ParameterDescriptor:

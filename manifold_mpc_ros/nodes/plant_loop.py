@@ -37,6 +37,7 @@ class PlantLoop:
         self._epoch_ns = epoch_ns
         self.steps = 0
         self.expired = 0
+        self.latched = ''
         self.release()
 
     @property
@@ -58,12 +59,20 @@ class PlantLoop:
         """Put the plant back to its initial state, without a command, one step later."""
         self._plant.reset()
         self.steps += 1
+        self.latched = ''
         self.release()
 
     def command(self, torque_B_n_m: FloatArray) -> None:
         """Put a torque in force [N m], until the next one or the end of its life."""
+        if self.latched:
+            return
         self._torque_B = torque_B_n_m
         self._steps_left = self._life_steps
+
+    def latch(self, reason: str) -> None:
+        """Put zero torque in force until a reset; the first reason stays."""
+        self.latched = self.latched or reason
+        self.release()
 
     def release(self) -> None:
         """Put zero torque in force, which has no end of life."""

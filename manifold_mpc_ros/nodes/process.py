@@ -120,18 +120,20 @@ def _run_with_ros(
 
 def _live(node: ManagedNode, stop: StopRequest) -> int:
     """Start the node when it starts by itself, spin, and end it in order."""
-    from rclpy.executors import SingleThreadedExecutor
+    import rclpy
     from rclpy.lifecycle import TransitionCallbackReturn
 
-    executor = SingleThreadedExecutor()
+    from manifold_mpc_ros.nodes.barrier import GuardedExecutor
+
+    executor = GuardedExecutor(node.barrier)
     executor.add_node(node)
     try:
         if node.autostart:
             for transition in (node.trigger_configure, node.trigger_activate):
                 if transition() != TransitionCallbackReturn.SUCCESS:
                     return 0 if stop.requested else 1
-        while not stop.requested:
-            executor.spin_once(timeout_sec=_SPIN_S)
+        while not stop.requested and rclpy.ok():
+            executor.spin_some(_SPIN_S)
         return 0
     finally:
         if node.active:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
@@ -14,18 +15,22 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu
 
 from manifold_mpc_ros.config import SimulatorConfig
+from manifold_mpc_ros.config_checks import FloatArray
 from manifold_mpc_ros.config_parameters import Value
 from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.gate import NANOSECONDS, Reason, Refusal, StateSample, admit_torque
-from manifold_mpc_ros.nodes.managed_node import INPUT_QOS, OUTPUT_QOS, ManagedNode, Status
+from manifold_mpc_ros.nodes.managed_node import INPUT_QOS, ManagedNode, Status
 from manifold_mpc_ros.nodes.pacing import Ask, FreeRun, Lockstep, Patience
 from manifold_mpc_ros.nodes.plant_loop import PlantLoop
+from manifold_mpc_ros.nodes.writers import WriterWatch
 
 #: Stamp of the first state where time is simulated; zero would mean "no time yet" in ROS.
 SIMULATED_EPOCH_NS = NANOSECONDS
 #: Shortest period of the free-running timer, and the period of looking in lockstep [s].
 SHORTEST_TIMER_S = 0.002
 LOCKSTEP_TIMER_S = 0.02
+#: A torque that answers a state of so many command lives ago has been on its way for too long.
+STALE_LIVES = 4
 
 
 class LgviSimulatorNode(ManagedNode):
@@ -42,13 +47,11 @@ class LgviSimulatorNode(ManagedNode):
         self._form = messages.StateFormat(
             config.inertial_frame_id, config.body_frame_id,
             config.attitude_noise_std_rad ** 2, config.rate_noise_std_rad_s ** 2)
-        self._odometry = self.create_lifecycle_publisher(Odometry, 'odometry', OUTPUT_QOS)
-        self._imu = self.create_lifecycle_publisher(Imu, 'imu', OUTPUT_QOS)
-        self._clock_publisher = None
-        if config.publish_clock:
-            self._clock_publisher = self.create_lifecycle_publisher(Clock, '/clock', OUTPUT_QOS)
-        self._torque = self.create_subscription(
-            WrenchStamped, 'torque_command', self._on_torque, INPUT_QOS)
+        self._odometry = self.advertise(Odometry, 'odometry')
+        self._imu = self.advertise(Imu, 'imu')
+        self._clock_publisher = self.advertise(Clock, '/clock') if config.publish_clock else None
+        self._torque = self.listen(WrenchStamped, 'torque_command', self._on_torque, INPUT_QOS)
+        self._writers = WriterWatch()
 
     def take_down(self) -> None:
         """Remove the interfaces."""
@@ -76,7 +79,8 @@ class LgviSimulatorNode(ManagedNode):
             callback = self._on_free_timer
             self._free.start(time.monotonic())
             self._publish_state()
-        self._timer = self.create_timer(period_s, callback, clock=self.steady_clock)
+        self._writers.forget()
+        self._timer = self.tick_every(period_s, 'plant', callback)
 
     def stop(self) -> None:
         """Let time end."""
@@ -85,6 +89,7 @@ class LgviSimulatorNode(ManagedNode):
     def reset(self) -> None:
         """Put the plant back to its initial state; time goes on."""
         self._loop.reset()
+        self._writers.forget()
         if self._exchange.asking:
             self._ask()
 
@@ -101,33 +106,51 @@ class LgviSimulatorNode(ManagedNode):
         if self._config.lockstep and not self._paused and self._published is None:
             mode, message = 'WAIT', 'lockstep waits for a controller'
         level = DiagnosticStatus.OK if mode == 'RUN' else DiagnosticStatus.WARN
+        if self._loop.latched:
+            level, message = DiagnosticStatus.ERROR, f'{self._loop.latched} (zero until ~/reset)'
         return Status(level, message, {
             'mode': mode,
             'time_s': self._loop.elapsed_s,
             'time_slipped_s': self._free.slipped_s,
             'lockstep_repeats': self._exchange.repeats,
             'lockstep_timeouts': self._exchange.timeouts,
+            'torque_latched': bool(self._loop.latched),
             **self._loop.counters(),
         })
 
-    def _on_torque(self, message: WrenchStamped) -> None:
+    def _on_torque(self, message: WrenchStamped, info: Mapping[str, Any]) -> None:
         """Put a torque in force or count its refusal; in lockstep, let time go on."""
         if not self.active:
             return
-        torque = admit_torque(message.header.frame_id, messages.from_torque(message),
-                              self._config.body_frame_id)
+        turns = self._writers.note(info.get('publication_sequence_number'))
+        if turns and self._torque.get_publisher_count() > 1:
+            self._loop.latch('two publishers of torque_command')
+        torque = self._admitted(message)
         if isinstance(torque, Refusal):
             self.refusals.add('torque_command', torque)
             return
-        if self._config.lockstep:
-            stamp_ns = messages.nanoseconds(message.header.stamp)
-            if not self._exchange.answer(stamp_ns):
-                self.refusals.add('torque_command', Refusal(
-                    Reason.UNEXPECTED_ANSWER, 'the stamp is not that of the state that waits'))
-                return
         self._loop.command(torque)
         if self._config.lockstep and not self._paused:
             self._exchange_next()
+
+    def _admitted(self, message: WrenchStamped) -> FloatArray | Refusal:
+        """Return the torque of a command, or why it must not act.
+
+        In lockstep it answers the state that waits. Else it may stand in for states that did not
+        come, but not for as long as four lives of a command; zero is never too old.
+        """
+        torque = admit_torque(message.header.frame_id, messages.from_torque(message),
+                              self._config.body_frame_id)
+        if isinstance(torque, Refusal):
+            return torque
+        stamp_ns = messages.nanoseconds(message.header.stamp)
+        if self._config.lockstep:
+            return torque if self._exchange.answer(stamp_ns) else Refusal(
+                Reason.UNEXPECTED_ANSWER, 'the stamp is not that of the state that waits')
+        age_s = (self._loop.stamp_ns - stamp_ns) / NANOSECONDS
+        if age_s > STALE_LIVES * self._config.command_life_s and torque.any():
+            return Refusal(Reason.STALE, f'the state it answers is {age_s:.3f} s old')
+        return torque
 
     def _on_free_timer(self) -> None:
         """Take the plant steps that are due, publishing the states among them."""

@@ -8,13 +8,14 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from test_tick import CONFIG, OMEGA, R_NB, SAMPLE, Script, failed, loop_with, not_finite, raising
+from scripted import CONFIG, OMEGA, R_NB, SAMPLE, Script, failed, loop_with, not_finite, raising
 
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.monitor import PromiseMonitor
 from manifold_mpc_ros.mpc.promise import PromiseRecord, Tolerance, Verdict
 from manifold_mpc_ros.nodes.gate import StateSample
-from manifold_mpc_ros.nodes.tick import Command, ControlLoop
+from manifold_mpc_ros.nodes.planner import DirectPlanner, solve_with
+from manifold_mpc_ros.nodes.tick import Command, ControlLoop, Law
 
 STEP_NS = round(CONFIG.step_s * 1e9)
 
@@ -25,8 +26,8 @@ class Bench:
     def __init__(self) -> None:
         self.solver = Script()
         monitor = PromiseMonitor(Tolerance(0.1, 1e-9), step_s=CONFIG.step_s)
-        self.loop = ControlLoop(
-            self.solver, CONFIG, timeout_s=2.5, initial_setpoint='identity', monitor=monitor)
+        law = Law(CONFIG, DirectPlanner(solve_with(self.solver)), 2.5, monitor)
+        self.loop = ControlLoop(law, initial_setpoint='identity')
         self.stamp_ns = SAMPLE.stamp_ns
 
     def tick(self, *, restarted: bool = False, steps: float = 1.0) -> PromiseRecord:
@@ -88,10 +89,10 @@ def test_a_new_start_of_time(bench: Bench) -> None:
 
 
 def test_a_pause(bench: Bench) -> None:
-    bench.loop.paused = True
+    bench.loop.logic.paused = True
     record = bench.tick()
     assert (record.verdict, record.reason) == (Verdict.NONE, 'paused by the operator')
-    bench.loop.paused = False
+    bench.loop.logic.paused = False
     record = bench.tick()
     assert (record.verdict, record.reason) == (Verdict.NONE, 'paused by the operator')
     assert bench.tick().verdict is Verdict.BROKEN

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The dependency direction of the modules, read from their import statements.
 
-``cli > nodes > bags > scenarios > sim > mpc > problems > {theory, dynamics} > lie > errors``: a
-module imports its own layer and those below it. ``theory`` and ``dynamics`` do not know each
-other. ``config`` may import ``errors`` and ``lie``; ``dynamics`` and the layers from ``problems``
-up may import ``config``; ``nodes`` and ``cli`` may use the package's public names.
+``cli > nodes > bags > scenarios > sim > safety > mpc > problems > {theory, dynamics} > lie >
+errors``: a module imports its own layer and those below it. ``theory`` and ``dynamics`` do not
+know each other. ``config`` may import ``errors`` and ``lie``; ``dynamics`` and the layers from
+``problems`` up may import ``config``; ``nodes`` and ``cli`` may use the package's public names.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ TOP = Path(__file__).parents[2]
 PACKAGE = 'manifold_mpc_ros'
 MODULES = sorted((TOP / PACKAGE).rglob('*.py'))
 
-LAYERS = ('errors', 'lie', 'theory', 'dynamics', 'problems', 'mpc', 'sim', 'scenarios', 'bags',
-          'nodes', 'cli')
+LAYERS = ('errors', 'lie', 'theory', 'dynamics', 'problems', 'mpc', 'safety', 'sim', 'scenarios',
+          'bags', 'nodes', 'cli')
 MAY_IMPORT = {
     layer: set(LAYERS[:rank + 1]) | ({'config'} if rank >= LAYERS.index('dynamics') else set())
     for rank, layer in enumerate(LAYERS)

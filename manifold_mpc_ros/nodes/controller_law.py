@@ -1,0 +1,49 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""From a solver and a controller's configuration to the law that its loop works with."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+
+from manifold_mpc_ros.config_controller import ControllerConfig
+from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
+from manifold_mpc_ros.mpc.monitor import monitor_for
+from manifold_mpc_ros.nodes.planner import (
+    DirectPlanner,
+    Planner,
+    Solver,
+    ThreadPlanner,
+    solve_with,
+)
+from manifold_mpc_ros.nodes.tick import Law
+
+#: Part of a tick that a plan may take; then the tick goes on without it.
+SOLVER_BUDGET = 0.6
+#: Part of a tick after which the solver hands over the best that it has.
+SOLVER_TIME = 0.5
+
+
+def law_with(
+    solver: AttitudeMpc, config: ControllerConfig, prepare: Callable[[], None],
+) -> Law:
+    """Return the law of a solver; ``prepare`` runs first in the solver's thread."""
+    monitor = monitor_for(
+        config.mpc, solver.terminal.P, decrease_tolerance=config.decrease_tolerance,
+        attitude_noise_rad=config.attitude_noise_rad)
+    return Law(config.mpc, planner_for(solver, config, prepare), config.state_timeout_s, monitor,
+               solver.backend)
+
+
+def planner_for(
+    solver: Solver, config: ControllerConfig, prepare: Callable[[], None],
+) -> Planner:
+    """Return what asks a solver: within its budget, or in lockstep however long it takes."""
+    if config.lockstep:
+        return DirectPlanner(solve_with(solver))
+    step_s = config.mpc.step_s
+    budget = {}
+    if 'max_solve_time_s' in inspect.signature(solver.solve).parameters:
+        budget['max_solve_time_s'] = SOLVER_TIME * step_s
+    return ThreadPlanner(solve_with(solver, **budget), SOLVER_BUDGET * step_s, prepare)

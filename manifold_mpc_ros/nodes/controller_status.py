@@ -1,0 +1,68 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the controller says about a command on /diagnostics."""
+
+from __future__ import annotations
+
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from manifold_mpc_ros.mpc.promise import PromiseRecord, Verdict
+from manifold_mpc_ros.nodes.managed_node import Status
+from manifold_mpc_ros.nodes.tick import Command, ControlLoop
+from manifold_mpc_ros.safety.modes import Mode
+
+_LEVELS = {
+    Mode.NOMINAL: DiagnosticStatus.OK,
+    Mode.WAIT: DiagnosticStatus.WARN,
+    Mode.PAUSED: DiagnosticStatus.WARN,
+    Mode.HOLD: DiagnosticStatus.WARN,
+    Mode.FALLBACK: DiagnosticStatus.WARN,
+    Mode.STOPPING: DiagnosticStatus.WARN,
+    Mode.COAST: DiagnosticStatus.ERROR,
+    Mode.FAULT: DiagnosticStatus.ERROR,
+}
+
+
+def status_of(command: Command | None, loop: ControlLoop, waiting: str) -> Status:
+    """Return the status after a command; ``waiting`` says what a first state waits for."""
+    if command is None:
+        return Status(DiagnosticStatus.WARN, waiting, {
+            'mode': Mode.WAIT.value, 'command_source': 'zero'})
+    first = command.mode is Mode.WAIT and loop.state_stamp_ns is None
+    status = Status(_LEVELS[command.mode], waiting if first else command.reason, {
+        'mode': command.mode.value,
+        'command_source': command.source,
+        'setpoint': 'commanded' if loop.commanded else 'initial',
+        'commands_saturated': loop.output.saturated,
+        'commands_not_finite': loop.output.not_finite,
+    })
+    solution = command.solution
+    if solution is not None:
+        status.values.update(
+            solver_status=solution.status.value, iterations=solution.iterations,
+            solve_time_us=solution.solve_time_s * 1e6, cost=float(solution.cost))
+    if command.promise is not None:
+        _add_promise(status, command.promise, nominal=command.mode is Mode.NOMINAL)
+    return status
+
+
+def _add_promise(status: Status, record: PromiseRecord, *, nominal: bool) -> None:
+    """Add to a status what became of the promise of the last tick, and the warning if due."""
+    words = {None: 'unknown', True: 'true', False: 'false'}
+    why_none = f' ({record.reason})' if record.verdict is Verdict.NONE else ''
+    status.values.update(
+        value_function=record.value, promised_value=record.promised,
+        decrease_excess=record.excess, relative_excess=record.relative_excess,
+        promise=record.verdict.value + why_none,
+        in_domain_of_attraction=words[record.in_domain],
+        in_terminal_set=words[record.in_terminal_set],
+        promises_made=record.counters.made, promises_checked=record.counters.checked,
+        promises_broken=record.counters.broken,
+        largest_relative_excess=record.counters.largest_excess,
+        ticks_outside_domain=record.counters.outside_domain)
+    if record.in_domain is False:
+        status.level = max(status.level, DiagnosticStatus.WARN)
+        status.message += ' (no plan keeps the rate limits and reaches the terminal set)'
+    if record.warning:
+        status.level = max(status.level, DiagnosticStatus.WARN)
+        status.message = record.warning if nominal else f'{status.message}; {record.warning}'

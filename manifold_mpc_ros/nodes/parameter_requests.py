@@ -1,0 +1,48 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Services that set parameters, for requests that make no sense too.
+
+rclpy converts a request outside of any try: a parameter of no known type ends the process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+Answer = Callable[[Any, Any], Any]
+
+
+def make_requests_safe(node: Node) -> None:
+    """Answer every request to set parameters with success or the reason, whatever it holds."""
+    def one_by_one(
+        request: SetParameters.Request, response: SetParameters.Response,
+    ) -> SetParameters.Response:
+        response.results = [_set(node, [message]) for message in request.parameters]
+        return response
+
+    def all_or_nothing(
+        request: SetParametersAtomically.Request, response: SetParametersAtomically.Response,
+    ) -> SetParametersAtomically.Response:
+        response.result = _set(node, list(request.parameters))
+        return response
+
+    answers: dict[type, Answer] = {
+        SetParameters: one_by_one, SetParametersAtomically: all_or_nothing}
+    for service in node.services:
+        service.callback = answers.get(service.srv_type, service.callback)
+
+
+def _set(node: Node, messages: list[Any]) -> SetParametersResult:
+    """Set parameters together; a request that cannot be read is refused with the reason."""
+    try:
+        parameters = [Parameter.from_parameter_msg(message) for message in messages]
+        return node.set_parameters_atomically(parameters)
+    except Exception as error:  # noqa: BLE001  (whatever it was, the sender gets to know)
+        reason = ' '.join(f'{type(error).__name__}: {error}'.split())
+        return SetParametersResult(successful=False, reason=reason)

@@ -1,0 +1,178 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The mode logic of the active controller: what is known at a tick in, the mode out.
+
+Nothing here knows ROS, a clock or the solver. `ModeLogic.decide` is the whole rule, the worst
+that applies first; docs/safety.md draws it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+#: A state older than this many steps is not moved on to the tick.
+PROPAGATE_STEPS = 2
+#: The stored plan is followed for at most this many ticks, and at most half the horizon.
+LONGEST_HOLD_TICKS = 5
+#: Valid states after the last one was too old, before the controller acts again.
+REENTRY_STATES = 5
+#: Ticks in a row that failed by an error of our own, after which the controller latches zero.
+MOST_INTERNAL_ERRORS = 3
+
+_NANOSECONDS = 1_000_000_000
+
+
+class Mode(str, Enum):
+    """What the active controller is doing."""
+
+    WAIT = 'WAIT'          # zero torque, no valid state has come yet
+    NOMINAL = 'NOMINAL'    # the torque of the optimiser
+    HOLD = 'HOLD'          # the stored plan, shifted by the time since it was made
+    FALLBACK = 'FALLBACK'  # a saturated law on SO(3): there is no plan to follow
+    COAST = 'COAST'        # zero torque, the state is too old
+    PAUSED = 'PAUSED'      # zero torque, by the operator
+    FAULT = 'FAULT'        # zero torque, latched until the operator resets
+    STOPPING = 'STOPPING'  # zero torque, the last commands of all
+
+
+#: The modes that command torque; in every other mode it is zero.
+ACTING = frozenset({Mode.NOMINAL, Mode.HOLD, Mode.FALLBACK})
+
+
+class Plan(Enum):
+    """What became of the question to the solver."""
+
+    NOT_ASKED = 'not asked'
+    USABLE = 'usable'
+    NONE = 'none'
+    BEYOND_GUARD = 'beyond guard'  # the implicit step is not guaranteed at this rate
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What is known at a tick.
+
+    ``age_ns`` is the age of the newest valid state, the larger of what its stamp and what its
+    receipt say; None before the first. ``held`` says whether a stored plan still covers this
+    tick, ``detail`` why the plan is what it is.
+    """
+
+    age_ns: int | None
+    plan: Plan = Plan.NOT_ASKED
+    held: bool = False
+    detail: str = ''
+
+
+@dataclass(frozen=True)
+class Decision:
+    """The mode of a tick, and the sentence that says why."""
+
+    mode: Mode
+    reason: str
+
+
+class ModeLogic:
+    """The state machine: what outlives a tick is whether it stopped, latched, paused, or lost.
+
+    Arguments
+    ---------
+    step_ns, timeout_ns
+        Control step, and the age above which a state counts for nothing.
+
+    """
+
+    def __init__(self, step_ns: int, timeout_ns: int) -> None:
+        """Wait for the first state."""
+        self._step_ns = step_ns
+        self.set_timeout(timeout_ns)
+        self._stopping = False
+        self.paused = False
+        self.reset()
+
+    def reset(self) -> None:
+        """Leave FAULT and forget what was seen; a pause stays, and so does the end."""
+        self._fault = ''
+        self._errors = 0
+        self._lost = False
+        self._good = 0
+        self._restarted = False
+
+    def stop(self) -> None:
+        """Command zero from now on."""
+        self._stopping = True
+
+    def fault(self, reason: str) -> None:
+        """Latch zero; the first reason stays."""
+        self._fault = self._fault or reason
+
+    def fail(self, error: str) -> Decision:
+        """Return zero for a tick that ended in an error of our own; too many in a row latch."""
+        self._errors += 1
+        if self._errors >= MOST_INTERNAL_ERRORS:
+            self.fault(f'{self._errors} ticks in a row failed: {error}')
+        if self._stopping or self._fault:
+            return self.decide(Facts(None))
+        return Decision(Mode.WAIT, f'this tick failed: {error}')
+
+    def succeed(self) -> None:
+        """Note a tick without an error of our own."""
+        self._errors = 0
+
+    def set_timeout(self, timeout_ns: int) -> None:
+        """Set the age above which a state counts for nothing."""
+        self._timeout_ns = timeout_ns
+        self._propagate_ns = min(PROPAGATE_STEPS * self._step_ns, timeout_ns)
+
+    def restart(self) -> None:
+        """Note that time started again: one tick of zero, then on."""
+        self._restarted = True
+
+    def see(self) -> None:
+        """Note a valid state."""
+        self._good += 1
+
+    def wants_plan(self, age_ns: int | None) -> bool:
+        """Return whether a plan asked for now could be used."""
+        return (age_ns is not None and age_ns <= self._propagate_ns and not self._stopping
+                and not self._fault and not self._restarted and not self.paused
+                and not self._waits_for_states)
+
+    def decide(self, facts: Facts) -> Decision:
+        """Return the mode of this tick: the worst that applies."""
+        age_ns = facts.age_ns
+        if self._stopping:
+            return Decision(Mode.STOPPING, 'stopping')
+        if self._fault:
+            return Decision(Mode.FAULT, f'{self._fault} (zero until ~/reset)')
+        if age_ns is None:
+            return Decision(Mode.WAIT, 'waiting for the first valid state')
+        if self._restarted:
+            self._restarted = False
+            return Decision(Mode.WAIT, 'time started again')
+        if self.paused:
+            return Decision(Mode.PAUSED, 'paused by the operator')
+        if age_ns > self._timeout_ns:
+            return self._coast(f'the state is {age_ns / _NANOSECONDS:.3f} s old')
+        if self._waits_for_states:
+            return Decision(Mode.COAST, f'{self._good} of {REENTRY_STATES} valid states after '
+                                        'the last one was too old')
+        self._lost = False
+        if age_ns <= self._propagate_ns:
+            if facts.plan is Plan.USABLE:
+                return Decision(Mode.NOMINAL, facts.detail)
+            if facts.plan is Plan.BEYOND_GUARD or not facts.held:
+                return Decision(Mode.FALLBACK, facts.detail)
+            return Decision(Mode.HOLD, facts.detail)
+        old = f'the state is {age_ns / _NANOSECONDS:.3f} s old'
+        return Decision(Mode.HOLD, old) if facts.held else self._coast(f'{old}, without a plan')
+
+    @property
+    def _waits_for_states(self) -> bool:
+        """Whether the state was lost and has not come back for good."""
+        return self._lost and self._good < REENTRY_STATES
+
+    def _coast(self, reason: str) -> Decision:
+        """Lose the state: valid ones count anew."""
+        self._lost, self._good = True, 0
+        return Decision(Mode.COAST, reason)
