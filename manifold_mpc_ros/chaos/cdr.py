@@ -24,13 +24,16 @@ class Part(NamedTuple):
     stop: int
 
 
+_NOTHING = Part(0, 0)
+
+
 @dataclass(frozen=True)
 class Layout:
     """Where the fields of a message type are: texts after the stamp, then floats."""
 
     texts: int
-    quaternion: Part = Part(0, 0)
-    vector: Part = Part(0, 0)
+    quaternion: Part = _NOTHING
+    vector: Part = _NOTHING
 
 
 #: frame_id, child_frame_id; position 3, orientation 4, covariance 36, linear 3, angular 3, ...

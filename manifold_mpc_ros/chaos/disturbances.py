@@ -24,6 +24,8 @@ Disturbance = Callable[[bytes, random.Random], Deliveries]
 MakeDisturbance = Callable[[], Disturbance]
 Edit = Callable[[StampedMessage, random.Random], StampedMessage]
 
+#: The overtaken message comes so long after the other one [s].
+_BEHIND_S = 0.004
 NANOSECONDS = 1_000_000_000
 
 
@@ -87,7 +89,7 @@ def swapped() -> Disturbance:
         if not kept:
             kept.append(data)
             return []
-        return [(0.0, data), (0.0, kept.pop())]
+        return [(0.0, data), (_BEHIND_S, kept.pop())]
     return disturb
 
 
@@ -184,8 +186,8 @@ def stamped(seconds: int, nanoseconds: int) -> Edit:
 
 
 def random_bytes(data: bytes, draws: random.Random) -> bytes:
-    """Return noise of any length behind a valid encapsulation header."""
-    return data[:4] + draws.randbytes(draws.randrange(len(data)))
+    """Return noise of any length up to the message's behind a valid encapsulation header."""
+    return data[:4] + draws.randbytes(draws.randrange(len(data) - 3))
 
 
 def truncated(data: bytes, draws: random.Random) -> bytes:

@@ -127,7 +127,8 @@ def judge(seen: Evidence, limits: Limits) -> Verdict:
         (seen.exceptions > 0, f'{seen.exceptions} unhandled exceptions'),
         (seen.tick_drift != 0, f'{seen.tick_drift:+d} commands beyond one per tick'),
         (burst > _MOST_IN_A_STEP, f'{burst} commands within one step'),
-        (recovery_s is None, f'did not recover within {expected.recovery_s:g} s'),
+        (recovery_s is None,
+         f'did not recover within {expected.recovery_s:g} s: {_last_words(seen.reports)}'),
         (not expected.silent and gap_s > limits.longest_gap_s + seen.late_s,
          f'no command for {gap_s:.3f} s'),
         (expected.visible and detection_s is None, f'not noticed: {_signs(seen.fault)}'),
@@ -180,17 +181,24 @@ def _detection(seen: Evidence) -> float | None:
 
 
 def _grown(now: Mapping[str, str], before: Mapping[str, str], pattern: str) -> bool:
-    """Whether a counter whose name fits is larger than before."""
+    """Whether a counter whose name fits is larger than before, or a flag is up that was not."""
     return any(fnmatchcase(key, pattern) and _number(value) > _number(before.get(key, '0'))
                for key, value in now.items())
 
 
 def _number(text: str) -> float:
-    """Return a counter; what is none counts as zero."""
+    """Return a counter; a flag counts as 0 or 1, another text as 0."""
     try:
         return float(text)
     except ValueError:
-        return 0.0
+        return float(text == 'True')
+
+
+def _last_words(reports: Sequence[Report]) -> str:
+    """Return what each node said last."""
+    last = {report.node: report for report in reports}
+    return ', '.join(f'{node} {report.mode} ({report.values.get("message", "")})'
+                     for node, report in last.items()) or 'no word from either node'
 
 
 def _signs(fault: Fault) -> str:

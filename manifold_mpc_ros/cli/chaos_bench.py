@@ -118,9 +118,9 @@ class Bench:
         try:
             self._domain = self._stack.enter_context(reserved_domain())
             listener = Listener('chaos_proxy', self._domain)
-            self._stack.push(listener)
+            self._stack.push(listener.__exit__)
             stranger = Listener('chaos_stranger', self._domain)
-            self._stack.push(stranger)
+            self._stack.push(stranger.__exit__)
             self.listener, self.observer = listener, Observer(listener.node)
             topics = (STATE, TORQUE) + ((SIMULATED_TIME,) if self.simulated_time else ())
             self.proxy = Proxy(

@@ -200,7 +200,10 @@ class _Requests(Injection):
                 self.troubles.append('its services could not be found')
                 return
             self.bench.look()
-        requests.begin(action.node, action.kind, self._seed, self.bench.inertial_frame_id)
+        bench = self.bench
+        requests.begin(
+            action.node, action.kind, self._seed, bench.inertial_frame_id,
+            bench.plan.parameters(action.node, simulated_time=bench.simulated_time))
 
     def last(self) -> None:
         """Wait for the answers, or publish for as long as it lasts."""

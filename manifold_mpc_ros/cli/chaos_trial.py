@@ -92,7 +92,7 @@ class Trials:
         seen.recovered_s = self._wait(
             lambda: self._steady(seen.ended_s), fault.expected.recovery_s + bench.late_s)
         seen.closed_s = time.monotonic()
-        seen.commands = observer.commands
+        seen.commands = list(observer.commands)
         seen.reports = [r for r in observer.reports if r.time_s >= seen.begun_s]
         seen.troubles += [*doing.troubles, *bench.deaths]
         bench.deaths.clear()

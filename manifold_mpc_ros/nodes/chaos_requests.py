@@ -4,9 +4,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from geometry_msgs.msg import Quaternion, QuaternionStamped
@@ -21,6 +22,7 @@ from rcl_interfaces.srv import (
     SetParametersAtomically,
 )
 from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_srvs.srv import SetBool, Trigger
 
@@ -74,7 +76,7 @@ def _hostile(draws: random.Random) -> Iterator[Crafted]:
     """Well-formed requests for what must not be."""
     vectors = ('limits.max_torque_n_m', 'limits.max_rate_rad_s', 'mpc.attitude_weight',
                'mpc.torque_weight', 'spacecraft.inertia_kg_m2', 'plant.initial_rate_rad_s')
-    bad = (math.nan, math.inf, -math.inf, -1.0, 0.0, 1e308)
+    bad = (math.nan, -math.inf, -1.0, -1e308)
     for name in vectors:
         value = draws.choice(bad)
         yield _set(_numbers(name, value, value, value))
@@ -87,6 +89,12 @@ def _hostile(draws: random.Random) -> Iterator[Crafted]:
         for value in (-2**63, 0, 2**63 - 1):
             yield _set(Parameter(name=name, value=ParameterValue(
                 type=_INTEGER, integer_value=value)))
+
+
+def _restored(original: Mapping[str, Any]) -> Iterator[Crafted]:
+    """Requests for the values that a node was started with, where they can be changed."""
+    for name, value in original.items():
+        yield _set(RosParameter(name, value=value).to_parameter_msg())
 
 
 def _flood(draws: random.Random) -> Iterator[Crafted]:
@@ -168,13 +176,17 @@ class Requests:
         self._in_order = False
         self._publish: Callable[[], None] | None = None
 
-    def begin(self, target: str, kind: str, seed: int, inertial_frame_id: str) -> None:
-        """Start a series."""
+    def begin(
+        self, target: str, kind: str, seed: int, inertial_frame_id: str,
+        original: Mapping[str, Any],
+    ) -> None:
+        """Start a series; parameters that it may have changed get their original values back."""
         draws = random.Random(seed)
         self._target, self._under_way = _NAME_OF[target], []
         self._publish = None
         if kind in _KINDS:
-            self._waiting = _KINDS[kind](draws)
+            again = _restored(original) if kind.startswith('parameters') else ()
+            self._waiting = itertools.chain(_KINDS[kind](draws), again)
             self._in_order = kind in ('lifecycle_cycle', 'pauses')
             return
         self._waiting = iter(())
