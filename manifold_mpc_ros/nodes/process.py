@@ -9,6 +9,7 @@ arguments that nobody knows.
 from __future__ import annotations
 
 import importlib
+import os
 import signal
 import sys
 import time
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from manifold_mpc_ros.nodes.managed_node import ManagedNode
 
 #: Longest wait in the executor; a signal is seen within it [s].
-_SPIN_S = 0.1
+_SPIN_S = 0.05
 #: A publisher outlives its last message by this, or readers may drop both together [s].
 _LINGER_S = 0.05
 #: A request to end at once that has not been heeded is repeated after this [s].
@@ -64,13 +65,17 @@ class StopRequest:
 def run(program: Program, node_class: str, argv: Sequence[str] | None = None) -> int:
     """Run one node until a signal ends it; return the exit status of the process.
 
-    ``node_class`` is 'module:Class', imported late, so that ``--help`` needs no ROS.
+    ``node_class`` is 'module:Class', imported late, so that ``--help`` needs no ROS. With the
+    arguments of the process itself (``argv`` None) the process ends here.
     """
     stop = StopRequest()
     try:
-        return _run_checked(program, node_class, argv, stop)
+        status = _run_checked(program, node_class, argv, stop)
     finally:
         stop.heeded()
+    if argv is None:
+        _leave(status)
+    return status
 
 
 def _run_checked(
@@ -140,6 +145,13 @@ def _live(node: ManagedNode, stop: StopRequest) -> int:
             node.trigger_deactivate()
             time.sleep(_LINGER_S)
         executor.shutdown(timeout_sec=0)
+
+
+def _leave(status: int) -> None:
+    """End the process now: not after a solver's thread, nor after taking the interpreter down."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(status)
 
 
 def _fail(program: Program, reason: object) -> int:

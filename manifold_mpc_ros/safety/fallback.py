@@ -5,17 +5,18 @@
 With the error angle theta and its unit axis a (body components, the turn from where the body
 should be to where it is) and e = 2 sin(theta/2) a, the torque is
 
-    tau = -k e - sat(D omega),    k <= tau_min / 4,    D = (2 / (8 h)) J,
+    tau = -k e - sat(D omega),
+    k = min(lambda_min(J) / (8 h)^2, tau_min / 4),    D = 2 sqrt(k / lambda_min(J)) J,
 
 where sat scales into half of the torque limits, direction kept, and tau_min is the smallest
 limit. As |e| <= 2 the sum keeps the limits, and of
 
     V = omega^T J omega / 2 + 4 k (1 - cos(theta/2)),    dV/dt = -omega^T sat(D omega) <= 0
 
-for every state: no gain, limit or body makes it unstable in continuous time. Without limits
-k = lambda_min(J) / (8 h)^2, which damps every axis at least critically. Above the existence
-guard of the implicit step, ``h |J omega| >= lambda_min(J)``, all of the torque brakes:
-tau = -sat(D omega) with the whole limits.
+for every state: no gain, limit or body makes it unstable in continuous time, and D damps every
+axis at least critically. Above the existence guard of the implicit step,
+``h |J omega| >= lambda_min(J)``, all of the torque brakes: tau = -J omega / (4 h), scaled into
+the whole limits.
 """
 
 from __future__ import annotations
@@ -28,8 +29,9 @@ from manifold_mpc_ros.lie import so3
 
 Array = NDArray[np.float64]
 
-#: The closed loop's time constant, in control steps.
-TIME_CONSTANT_STEPS = 8.0
+#: The time constants of turning and of braking, in control steps.
+TURNING_STEPS = 8.0
+BRAKING_STEPS = 4.0
 #: Part of the smallest torque limit that the attitude may use; the rest brakes.
 ATTITUDE_SHARE = 0.5
 #: Within this of 180 degrees the side of the turn is kept from call to call [rad].
@@ -46,10 +48,11 @@ class FallbackLaw:
         self._smallest = float(np.linalg.eigvalsh(config.inertia_kg_m2)[0])
         limit = config.max_torque_n_m
         self._limit = np.full(3, np.inf) if limit is None else limit
-        rate_1_s = 1.0 / (TIME_CONSTANT_STEPS * config.step_s)
-        self._damping = 2.0 * rate_1_s * config.inertia_kg_m2
         self._stiffness_n_m = min(
-            self._smallest * rate_1_s ** 2, ATTITUDE_SHARE * float(np.min(self._limit)) / 2.0)
+            self._smallest / (TURNING_STEPS * config.step_s) ** 2,
+            ATTITUDE_SHARE * float(np.min(self._limit)) / 2.0)
+        self._damping = 2.0 * np.sqrt(self._stiffness_n_m / self._smallest) * self._inertia
+        self._braking = self._inertia / (BRAKING_STEPS * config.step_s)
         self._axis_B = None if config.target == 'attitude' else config.pointing_axis_B
         self.reset()
 
@@ -64,11 +67,11 @@ class FallbackLaw:
 
     def torque(self, R_NB: Array, omega_BN_B: Array, R_ND: Array) -> Array:
         """Map a finite state and the commanded attitude to a torque (3,) [N m] in the limits."""
-        braking = self._damping @ omega_BN_B
         if self.beyond_guard(omega_BN_B):
-            return -scaled_into(braking, self._limit)
+            return -scaled_into(self._braking @ omega_BN_B, self._limit)
         turn = -self._stiffness_n_m * self._error_B(R_NB, R_ND)
-        return turn - scaled_into(braking, (1.0 - ATTITUDE_SHARE) * self._limit)
+        return turn - scaled_into(
+            self._damping @ omega_BN_B, (1.0 - ATTITUDE_SHARE) * self._limit)
 
     def _error_B(self, R_NB: Array, R_ND: Array) -> Array:
         """Return 2 sin(theta/2) a; near 180 degrees on the side of the last call."""

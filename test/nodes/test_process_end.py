@@ -114,10 +114,10 @@ def test_configure_fails_and_succeeds_once_the_parameter_is_right(rig: Rig) -> N
     assert not accepted
     assert 'limits.max_rate_rad_s' in reason
     assert put('limits.max_rate_rad_s', [0.6, 0.6, 0.6]) == (True, '')
-    assert not put('spacecraft.inertia_kg_m2', [1.0, 1.0, 1.0])[0]  # fixed from the start
+    assert not put('mpc.step_s', 0.25)[0]  # fixed from the start
     rig.activate(node)
     assert not rig.transition(node, Transition.TRANSITION_CONFIGURE)  # it is active already
-    accepted, reason = put('limits.max_rate_rad_s', [0.5, 0.5, 0.5])
+    accepted, reason = put('use_sim_time', True)
     assert not accepted
     assert 'deactivate' in reason
     for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP):
