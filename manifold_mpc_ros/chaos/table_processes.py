@@ -92,7 +92,7 @@ REQUEST_FAULTS = (
     Fault('simulator-datagrams', 'noise and damaged RTPS to the UDP ports of the process',
           REQUESTS, Datagrams(SIMULATOR)),
     Fault('torque-misfit', 'a subscriber asks for durability that the command lacks', QOS,
-          MisfitSubscriber(TORQUE), Expectation(counters=('controller.incompatible_qos.*',))),
+          MisfitSubscriber(TORQUE), Expectation(counters=('controller.incompatible_qos_ends.*',))),
     Fault('state-misfit', 'a subscriber asks for durability that the state lacks', QOS,
-          MisfitSubscriber(STATE), Expectation(counters=('simulator.incompatible_qos.*',))),
+          MisfitSubscriber(STATE), Expectation(counters=('simulator.incompatible_qos_ends.*',))),
 )

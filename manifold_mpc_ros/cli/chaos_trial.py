@@ -51,6 +51,7 @@ class Trials:
         self._bench, self._config = bench, config
         self._draws = random.Random(seed)
         self._R_ND: np.ndarray | None = None
+        self._steady_since_s = math.inf
         limit = config.mpc.max_torque_n_m
         step_s = bench.plan.step_s or config.mpc.step_s
         self.limits = Limits(
@@ -89,8 +90,9 @@ class Trials:
         seen.ended_s = time.monotonic()
         if fault.expected.reset:
             self._reset()
-        seen.recovered_s = self._wait(
-            lambda: self._steady(seen.ended_s), fault.expected.recovery_s + bench.late_s)
+        if self._wait(lambda: self._steady(seen.ended_s),
+                      fault.expected.recovery_s + bench.late_s) is not None:
+            seen.recovered_s = self._steady_since_s
         seen.closed_s = time.monotonic()
         seen.commands = list(observer.commands)
         seen.reports = [r for r in observer.reports if r.time_s >= seen.begun_s]
@@ -124,7 +126,10 @@ class Trials:
         return (observer.surplus or 0) - usual
 
     def _steady(self, since_s: float = -math.inf) -> bool:
-        """Whether both nodes are at work and the controller has been in NOMINAL for a while."""
+        """Whether both nodes are at work and the controller has been in NOMINAL for a while.
+
+        Keeps since when that is.
+        """
         observer, now_s = self._bench.observer, time.monotonic()
         latest = observer.latest.get(SIMULATOR)
         if latest is None or now_s - min(
@@ -132,6 +137,7 @@ class Trials:
             return False
         last = [report for report in observer.reports[-_LOOK_BACK:] if report.node == CONTROLLER
                 and report.time_s >= since_s][-STEADY_TICKS:]
+        self._steady_since_s = last[0].time_s if last else math.inf
         return (len(last) == STEADY_TICKS and now_s - last[-1].time_s < FRESH_S
                 and all(report.mode == 'NOMINAL' for report in last)
                 and latest.mode == 'RUN' and latest.time_s >= since_s)

@@ -85,7 +85,7 @@ class ManagedNode(LifecycleNode):
         self.active = False
         self.refusals = RefusalLog()
         self.barrier = Barrier(self.get_logger().error)
-        self.qos_conflicts: dict[str, str] = {}
+        self.qos_conflicts: dict[str, tuple[str, int]] = {}
         self._failure = ''
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', OUTPUT_QOS)
         # Diagnostics go on when simulated time does not.
@@ -152,7 +152,7 @@ class ManagedNode(LifecycleNode):
         """Return what notes the policy that keeps two ends of a topic apart."""
         def note(event: Any) -> None:
             policy = qos_policy_name_from_kind(event.last_policy_kind)
-            self.qos_conflicts[topic] = policy
+            self.qos_conflicts[topic] = (policy, event.total_count)
             self.get_logger().warning(f'{topic}: an end with another QoS does not match: {policy}')
 
         return self.barrier.guarded(f'QoS of {topic}', note)
@@ -262,8 +262,9 @@ class ManagedNode(LifecycleNode):
         status.values['exceptions'] = sum(self.barrier.counts.values())
         if self.barrier.latest:
             status.values['exception_latest'] = self.barrier.latest
-        for topic, policy in self.qos_conflicts.items():
+        for topic, (policy, count) in self.qos_conflicts.items():
             status.values[f'incompatible_qos.{topic}'] = policy
+            status.values[f'incompatible_qos_ends.{topic}'] = count
 
     def _on_reset(
         self, _request: Trigger.Request, response: Trigger.Response,
