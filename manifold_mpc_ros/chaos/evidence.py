@@ -10,12 +10,15 @@ from bisect import bisect_right
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
+from typing import Any
 
 from manifold_mpc_ros.chaos.fault import CONTROLLER, Fault, Phase
 
 #: Commands within one step: a tick may come late and the next in time, and the end of activity
 #: has three zeros; more is a burst of ticks that had been missed.
 _MOST_IN_A_STEP = 6
+#: So many steps that the machine was late explain a mode that the fault does not.
+_EXCUSE_STEPS = 2.5
 #: Rounding that a command may be above a limit by [1].
 _ROUNDING = 1e-9
 
@@ -47,7 +50,8 @@ class Evidence:
     """Everything seen from the beginning of a fault until the recovery, or its bound.
 
     Commands are all since the end of the last fault. Times are of one clock that never goes back
-    [s].
+    [s]. The machine was late by ``late_s`` in the observing process, and had a thread of a node
+    wait for a processor for ``starved_s`` in all.
     """
 
     fault: Fault
@@ -64,6 +68,7 @@ class Evidence:
     exceptions: int = 0
     tick_drift: int = 0
     late_s: float = 0.0
+    starved_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -84,6 +89,7 @@ class Verdict:
     phase: str
     seed: int
     reasons: tuple[str, ...]
+    excused: tuple[str, ...]
     detection_s: float | None
     recovery_s: float | None
     longest_gap_s: float
@@ -95,6 +101,7 @@ class Verdict:
     tick_drift: int
     exceptions: int
     late_s: float
+    starved_s: float
     modes: tuple[str, ...]
 
     @property
@@ -106,40 +113,57 @@ class Verdict:
 def judge(seen: Evidence, limits: Limits) -> Verdict:
     """Return the verdict on one fault: every reason why it counts as not survived.
 
-    What the machine was late by (measured in the observing process itself) is allowed for in the
-    bounds on time, and in nothing else.
+    What the machine was late by is allowed for in the bounds on time, and where it is most of
+    the age above which a state counts for nothing, also as a reason for another mode. What only
+    that excuses is in ``excused``.
     """
+    figures = _figures(seen, limits)
+    reasons = _reasons(seen, figures, limits, seen.late_s + seen.starved_s)
+    strict = _reasons(seen, figures, limits, 0.0)
+    return Verdict(
+        fault=seen.fault.name, row=seen.fault.row, phase=seen.phase.value, seed=seen.seed,
+        reasons=tuple(reasons), excused=tuple(r for r in strict if r not in reasons),
+        silent=seen.fault.expected.silent, commands=len(seen.commands),
+        tick_drift=seen.tick_drift, exceptions=seen.exceptions, late_s=seen.late_s,
+        starved_s=seen.starved_s, modes=_modes(seen.reports), **figures)
+
+
+def _figures(seen: Evidence, limits: Limits) -> dict[str, Any]:
+    """Return what was measured."""
+    times_s = [command.time_s for command in seen.commands]
+    return {
+        'detection_s': _detection(seen),
+        'recovery_s': None if seen.recovered_s is None else seen.recovered_s - seen.ended_s,
+        'longest_gap_s': longest_gap(
+            [t for t in times_s if t >= seen.begun_s], seen.begun_s, seen.closed_s),
+        'burst': largest_burst(times_s, limits.step_s),
+        'non_finite': sum(not all(map(math.isfinite, c.torque_B_n_m)) for c in seen.commands),
+        'over_limit': sum(_over(c, limits.max_torque_n_m) for c in seen.commands),
+    }
+
+
+def _reasons(
+    seen: Evidence, figures: Mapping[str, Any], limits: Limits, machine_s: float,
+) -> list[str]:
+    """Return what is held against the nodes when the machine was late by so much [s]."""
     expected = seen.fault.expected
-    detection_s = _detection(seen)
-    recovery_s = None if seen.recovered_s is None else seen.recovered_s - seen.ended_s
-    gap_s = longest_gap(
-        [c.time_s for c in seen.commands if c.time_s >= seen.begun_s],
-        seen.begun_s, seen.closed_s)
-    burst = largest_burst([command.time_s for command in seen.commands], limits.step_s)
-    non_finite = sum(not all(map(math.isfinite, c.torque_B_n_m)) for c in seen.commands)
-    over = sum(_over(c, limits.max_torque_n_m) for c in seen.commands)
-    modes = _modes(seen.reports)
-    strange = sorted(set(modes) - expected.stays) if expected.stays else []
-    reasons = [*seen.troubles]
-    for broken, words in (
-        (non_finite > 0, f'{non_finite} commands were not finite'),
-        (over > 0, f'{over} commands were over the limit'),
+    recovery_s, gap_s = figures['recovery_s'], figures['longest_gap_s']
+    strange = sorted(set(_modes(seen.reports)) - expected.stays) if expected.stays else []
+    return [*seen.troubles, *(words for broken, words in (
+        (figures['non_finite'] > 0, f'{figures["non_finite"]} commands were not finite'),
+        (figures['over_limit'] > 0, f'{figures["over_limit"]} commands were over the limit'),
         (seen.exceptions > 0, f'{seen.exceptions} unhandled exceptions'),
         (seen.tick_drift != 0, f'{seen.tick_drift:+d} commands beyond one per tick'),
-        (burst > _MOST_IN_A_STEP, f'{burst} commands within one step'),
-        (recovery_s is None,
+        (figures['burst'] > _MOST_IN_A_STEP, f'{figures["burst"]} commands within one step'),
+        (recovery_s is None or recovery_s > expected.recovery_s + machine_s,
          f'did not recover within {expected.recovery_s:g} s: {_last_words(seen.reports)}'),
-        (not expected.silent and gap_s > limits.longest_gap_s + seen.late_s,
+        (not expected.silent and gap_s > limits.longest_gap_s + machine_s,
          f'no command for {gap_s:.3f} s'),
-        (expected.visible and detection_s is None, f'not noticed: {_signs(seen.fault)}'),
-        (bool(strange) and seen.late_s < limits.step_s, f'went into {", ".join(strange)}'),
-    ):
-        if broken:
-            reasons.append(words)
-    return Verdict(
-        seen.fault.name, seen.fault.row, seen.phase.value, seen.seed, tuple(reasons),
-        detection_s, recovery_s, gap_s, burst, expected.silent, len(seen.commands), non_finite,
-        over, seen.tick_drift, seen.exceptions, seen.late_s, modes)
+        (expected.visible and figures['detection_s'] is None,
+         f'not noticed: {_signs(seen.fault)}'),
+        (bool(strange) and machine_s < _EXCUSE_STEPS * limits.step_s,
+         f'went into {", ".join(strange)}'),
+    ) if broken)]
 
 
 def longest_gap(times_s: Sequence[float], begun_s: float, closed_s: float) -> float:

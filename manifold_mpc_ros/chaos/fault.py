@@ -109,7 +109,7 @@ class Expectation:
     stays
         The controller has to remain in these modes; empty: in whichever.
     recovery_s
-        Bound on the time from the end of the fault until the controller is in NOMINAL to stay.
+        Bound on the time from the end of the fault until the controller is in NOMINAL again.
     silent
         Commands may cease while the fault lasts: their source is dead, stopped, deactivated,
         without time or without the processor.

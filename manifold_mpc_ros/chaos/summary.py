@@ -58,6 +58,7 @@ def totals(verdicts: Sequence[Verdict]) -> dict[str, Any]:
     return {
         'faults_injected': len(verdicts),
         'faults_survived': sum(v.survived for v in verdicts),
+        'excused_by_the_machine': sum(bool(v.excused) for v in verdicts),
         'detection_s': spread(v.detection_s for v in verdicts),
         'recovery_s': spread(v.recovery_s for v in verdicts),
         'longest_gap_s': max((v.longest_gap_s for v in spoken), default=None),
@@ -68,6 +69,7 @@ def totals(verdicts: Sequence[Verdict]) -> dict[str, Any]:
         'commands_beyond_one_per_tick': sum(abs(v.tick_drift) for v in verdicts),
         'unhandled_exceptions': sum(v.exceptions for v in verdicts),
         'observer_late_s': spread(v.late_s for v in verdicts),
+        'nodes_waited_for_a_processor_s': spread(v.starved_s for v in verdicts),
     }
 
 
@@ -95,3 +97,8 @@ def spread(values: Iterable[float | None]) -> dict[str, float] | None:
 def not_survived(verdicts: Iterable[Verdict]) -> list[dict[str, Any]]:
     """Return everything about those that were not survived."""
     return [asdict(verdict) for verdict in verdicts if not verdict.survived]
+
+
+def excused(verdicts: Iterable[Verdict]) -> list[dict[str, Any]]:
+    """Return everything about those in which the machine was late, and only that explains it."""
+    return [asdict(verdict) for verdict in verdicts if verdict.survived and verdict.excused]

@@ -7,7 +7,7 @@ from __future__ import annotations
 import signal
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -25,6 +25,7 @@ from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.nodes.chaos_observer import Observer
 from manifold_mpc_ros.nodes.chaos_proxy import BEHIND, Proxy
 from manifold_mpc_ros.nodes.chaos_requests import Requests
+from manifold_mpc_ros.nodes.gate import NANOSECONDS
 from manifold_mpc_ros.nodes.listener import Listener
 
 NAMES = {CONTROLLER: CONTROLLER_NAME, SIMULATOR: SIMULATOR_NAME}
@@ -82,6 +83,17 @@ class Life:
             if b'\n' in text[self.read_to:] else 0
         return new.count(TRACEBACK)
 
+    def waits_ns(self) -> dict[str, int]:
+        """Return how long each thread has waited for a processor that it could have used [ns].
+
+        The kernel's own account (run delay in schedstat): not the doing of the process.
+        """
+        waits = {}
+        for task in Path(f'/proc/{self.process.pid}/task').glob('*'):
+            with suppress(OSError, IndexError):
+                waits[task.name] = int((task / 'schedstat').read_text().split()[1])
+        return waits
+
     def sample(self, now_s: float) -> None:
         """Note the resident memory [bytes]."""
         try:
@@ -110,6 +122,7 @@ class Bench:
         self.inertial_frame_id = plan.check().inertial_frame_id
         self.expected_end: dict[str, bool] = {CONTROLLER: False, SIMULATOR: False}
         self.late_s = 0.0
+        self._waits_ns: dict[str, dict[str, int]] = {CONTROLLER: {}, SIMULATOR: {}}
         self._memory_s = 0.0
         self._stack = ExitStack()
 
@@ -187,6 +200,19 @@ class Bench:
             self._memory_s = now_s
             for lives in self.lives.values():
                 lives[-1].sample(now_s)
+
+    def begin_account(self) -> None:
+        """Count anew what the machine is late by."""
+        self.late_s = 0.0
+        self._waits_ns = {node: lives[-1].waits_ns() for node, lives in self.lives.items()}
+
+    @property
+    def starved_s(self) -> float:
+        """Longest time that a thread of either node has waited for a processor since then."""
+        grown = [wait_ns - self._waits_ns[node].get(thread, 0)
+                 for node, lives in self.lives.items()
+                 for thread, wait_ns in lives[-1].waits_ns().items()]
+        return max(grown, default=0) / NANOSECONDS
 
     def tracebacks(self) -> int:
         """Return how many tracebacks both nodes have written since the last call."""

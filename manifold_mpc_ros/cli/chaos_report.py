@@ -62,6 +62,7 @@ def _rows(done: Done) -> list[tuple[str, str]]:
     rows = [
         ('faults injected / survived',
          f'{figures["faults_injected"]} / {figures["faults_survived"]}'),
+        ('of these late by the machine alone', f'{figures["excused_by_the_machine"]}'),
         ('detection, median / longest [s]', _spread(figures['detection_s'])),
         ('recovery, median / longest [s]', _spread(figures['recovery_s'])),
         ('longest gap between commands [s]', 'none' if gap is None else
@@ -72,6 +73,8 @@ def _rows(done: Done) -> list[tuple[str, str]]:
         ('beyond one per tick', f'{figures["commands_beyond_one_per_tick"]}'),
         ('unhandled exceptions', f'{figures["unhandled_exceptions"]}'),
         ('observer late by, median / most [s]', _spread(figures['observer_late_s'])),
+        ('nodes kept from a processor, median / most [s]',
+         _spread(figures['nodes_waited_for_a_processor_s'])),
     ]
     for memory in summary.longest_lives(done.memory):
         slope = memory.slope_kib_per_min
@@ -103,6 +106,7 @@ def write(path: Path, kind: str, arguments: argparse.Namespace, done: Done) -> P
         'by_row': summary.grouped(done.verdicts, lambda v: v.row),
         'by_fault': summary.grouped(done.verdicts, lambda v: v.fault),
         'by_phase': summary.grouped(done.verdicts, lambda v: v.phase),
+        'excused': summary.excused(done.verdicts),
         'not_survived': summary.not_survived(done.verdicts),
         'versions': provenance.versions(get_rmw_implementation_identifier()),
         'this_machine': {

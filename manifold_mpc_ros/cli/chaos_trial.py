@@ -22,12 +22,12 @@ from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.nodes.chaos_requests import setpoint
 
 #: Both nodes have to be at work within this after the start [s].
-START_S = 60.0
+START_S = 120.0
 #: A manoeuvre reaches each of its phases within this [s].
 PHASE_S = 20.0
 #: A setpoint is published again after this, until the manoeuvre has begun [s].
 SETPOINT_PERIOD_S = 0.1
-#: So many ticks in NOMINAL in a row are a recovery.
+#: So many ticks in a row, most of them in NOMINAL, are a recovery.
 STEADY_TICKS = 5
 #: What is older than this is not present [s].
 FRESH_S = 0.3
@@ -80,7 +80,7 @@ class Trials:
         """Inject one fault and return the verdict."""
         bench, observer = self._bench, self._bench.observer
         reached = self._reach(phase)
-        bench.late_s = 0.0
+        bench.begin_account()
         seen = Evidence(fault, phase, seed, time.monotonic(), before={
             node: report.values for node, report in observer.latest.items()})
         if not reached:
@@ -90,20 +90,20 @@ class Trials:
         seen.ended_s = time.monotonic()
         if fault.expected.reset:
             self._reset()
-        if self._wait(lambda: self._steady(seen.ended_s),
-                      fault.expected.recovery_s + bench.late_s) is not None:
+        patience_s = fault.expected.recovery_s + bench.late_s + bench.starved_s
+        if self._wait(lambda: self._steady(seen.ended_s), patience_s) is not None:
             seen.recovered_s = self._steady_since_s
         seen.closed_s = time.monotonic()
         seen.commands = list(observer.commands)
         seen.reports = [r for r in observer.reports if r.time_s >= seen.begun_s]
         seen.troubles += [*doing.troubles, *bench.deaths]
         bench.deaths.clear()
+        seen.late_s, seen.starved_s = bench.late_s, bench.starved_s
         seen.exceptions = bench.tracebacks()
         if seen.recovered_s is None:
             self._give_up()
         else:
             seen.tick_drift = self._tick_drift(fault.expected.surplus)
-        seen.late_s = bench.late_s
         observer.clear()
         if not isinstance(fault.action, OnTopic):
             self._R_ND = None  # it may have been forgotten
@@ -126,8 +126,9 @@ class Trials:
         return (observer.surplus or 0) - usual
 
     def _steady(self, since_s: float = -math.inf) -> bool:
-        """Whether both nodes are at work and the controller has been in NOMINAL for a while.
+        """Whether both nodes are at work, and the controller has been in NOMINAL for a while.
 
+        A plan that was late, on a busy machine, leaves a tick to HOLD: not more than every other.
         Keeps since when that is.
         """
         observer, now_s = self._bench.observer, time.monotonic()
@@ -139,7 +140,8 @@ class Trials:
                 and report.time_s >= since_s][-STEADY_TICKS:]
         self._steady_since_s = last[0].time_s if last else math.inf
         return (len(last) == STEADY_TICKS and now_s - last[-1].time_s < FRESH_S
-                and all(report.mode == 'NOMINAL' for report in last)
+                and {report.mode for report in last} <= {'NOMINAL', 'HOLD'}
+                and sum(report.mode == 'NOMINAL' for report in last) > STEADY_TICKS // 2
                 and latest.mode == 'RUN' and latest.time_s >= since_s)
 
     def _wait(self, condition: Callable[[], bool], limit_s: float) -> float | None:
