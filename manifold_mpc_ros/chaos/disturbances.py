@@ -23,6 +23,7 @@ Deliveries = list[tuple[float, bytes]]
 Disturbance = Callable[[bytes, random.Random], Deliveries]
 MakeDisturbance = Callable[[], Disturbance]
 Edit = Callable[[StampedMessage, random.Random], StampedMessage]
+Garble = Callable[[bytes, random.Random], bytes]
 
 #: The overtaken message comes so long after the other one [s].
 _BEHIND_S = 0.004
@@ -113,7 +114,7 @@ def edited(layout: Layout, edit: Edit, probability: float = 1.0) -> MakeDisturba
     return lambda: disturb
 
 
-def garbled(garble: Callable[[bytes, random.Random], bytes]) -> MakeDisturbance:
+def garbled(garble: Garble) -> MakeDisturbance:
     """Replace the bytes of each message."""
     def disturb(data: bytes, draws: random.Random) -> Deliveries:
         return [(0.0, garble(data, draws))]

@@ -63,17 +63,17 @@ def _rows(done: Done) -> list[tuple[str, str]]:
         ('faults injected / survived',
          f'{figures["faults_injected"]} / {figures["faults_survived"]}'),
         ('of these late by the machine alone', f'{figures["excused_by_the_machine"]}'),
-        ('detection, median / longest [s]', _spread(figures['detection_s'])),
-        ('recovery, median / longest [s]', _spread(figures['recovery_s'])),
-        ('longest gap between commands [s]', 'none' if gap is None else
+        ('detection, median / longest (s)', _spread(figures['detection_s'])),
+        ('recovery, median / longest (s)', _spread(figures['recovery_s'])),
+        ('longest gap between commands (s)', 'none' if gap is None else
             f'{gap:.3f} (unless their source was dead, stopped or starved)'),
         ('commands / most within a step', f'{figures["commands"]} / {figures["largest_burst"]}'),
         ('not finite / over limit',
          f'{figures["non_finite_commands"]} / {figures["over_limit_commands"]}'),
         ('beyond one per tick', f'{figures["commands_beyond_one_per_tick"]}'),
         ('unhandled exceptions', f'{figures["unhandled_exceptions"]}'),
-        ('observer late by, median / most [s]', _spread(figures['observer_late_s'])),
-        ('nodes kept from a processor, median / most [s]',
+        ('observer late by, median / most (s)', _spread(figures['observer_late_s'])),
+        ('nodes kept from a processor, median / most (s)',
          _spread(figures['nodes_waited_for_a_processor_s'])),
     ]
     for memory in summary.longest_lives(done.memory):
