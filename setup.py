@@ -87,7 +87,7 @@ setup(
     maintainer='The manifold_mpc_ros authors',
     maintainer_email='maintainers@manifold-mpc-ros.example',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed']},
+    package_data={NAME: ['py.typed', 'mpc/kernel/*.c', 'mpc/kernel/*.h']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),

@@ -12,6 +12,8 @@ from __future__ import annotations
 
 import casadi as ca
 
+from manifold_mpc_ros.lie.so3 import AXIS_SIGN_SCALE, HALF_TURN_W
+
 # Below this squared half-angle sine the series is exact to double precision.
 _SMALL = 1e-8
 # A direction whose sine to the antipode of the axis is below this (squared) is at the antipode.
@@ -43,6 +45,30 @@ def rotation_from_quaternion(q: ca.SX) -> ca.SX:
     """Map a unit quaternion (w, x, y, z) to its rotation matrix (3, 3)."""
     v = hat(q[1:4])
     return ca.SX.eye(3) + 2 * q[0] * v + 2 * v @ v
+
+
+def quaternion_from_rotation(R: ca.SX) -> ca.SX:
+    """Map R (3, 3) to its unit quaternion with w >= 0, as `so3.quaternion_from_rotation` does."""
+    trace = R[0, 0] + R[1, 1] + R[2, 2]
+    vector = ca.vertcat(R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1])
+    block = R + R.T + (1 - trace) * ca.SX.eye(3)
+    outer = ca.vertcat(ca.horzcat(1 + trace, vector.T), ca.horzcat(vector, block))
+    q, most = outer[:, 0], outer[0, 0]
+    for i in range(1, 4):
+        q = ca.if_else(outer[i, i] > most, outer[:, i], q)
+        most = ca.fmax(outer[i, i], most)
+    q = q / ca.sqrt(ca.dot(q, q))
+    half_turn = ca.fabs(q[0]) <= HALF_TURN_W
+    decides = ca.if_else(half_turn, _first_deciding(q[1:4]), q[0])
+    q = ca.if_else(decides < 0, -q, q)
+    return ca.vertcat(ca.if_else(half_turn, 0, q[0]), q[1:4])
+
+
+def _first_deciding(v: ca.SX) -> ca.SX:
+    """Return the first component of v (3,) that is not negligible beside the largest."""
+    size = ca.fabs(v)
+    least = AXIS_SIGN_SCALE * ca.fmax(size[0], ca.fmax(size[1], size[2]))
+    return ca.if_else(size[0] > least, v[0], ca.if_else(size[1] > least, v[1], v[2]))
 
 
 def cayley_quaternion(c: ca.SX) -> ca.SX:

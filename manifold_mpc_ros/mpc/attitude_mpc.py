@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from pathlib import Path
 
@@ -11,20 +12,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from manifold_mpc_ros.config import AttitudeMpcConfig
-from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc import search
-from manifold_mpc_ros.mpc.build import load_functions
-from manifold_mpc_ros.mpc.engine import Engine, Trajectory
-from manifold_mpc_ros.mpc.scaling import Array, flat_parameters, scaling_of
+from manifold_mpc_ros.mpc.kernel.build import load_solver
+from manifold_mpc_ros.mpc.kernel.rules import OUT_OF_TIME
+from manifold_mpc_ros.mpc.kernel.solver import LocalSolver, Measure, Plan
+from manifold_mpc_ros.mpc.kernel.structure import Structure
+from manifold_mpc_ros.mpc.scaling import flat_parameters, scaling_of
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
-from manifold_mpc_ros.mpc.structure import Structure
 from manifold_mpc_ros.mpc.target import error_angle
 from manifold_mpc_ros.problems.registry import terminal_design
 from manifold_mpc_ros.theory.design import TerminalDesign
 from manifold_mpc_ros.theory.manifold import tangent_basis
 
-# Barrier parameter of a warm start.
-WARM_BARRIER = 1e-3
+# Barrier parameter and most passes of a warm start, the next where one does not converge.
+WARM_STARTS = ((1e-6, 30), (1e-3, 50), (1e-1, search.MOST_PASSES))
+# The shifted plan itself: so near its limits that its cost is what it would be on them.
+SHIFTED_BARRIER = 1e-12
 # A level that no state exceeds: the terminal set is then not there.
 NO_LEVEL = 1e12
 # A relative violation of a state limit above this makes a plan infeasible.
@@ -35,18 +38,16 @@ PROMISE = 1e-2
 SEARCH_ANGLE_RAD = np.pi / 2
 # A commanded attitude that moved by more than this [rad] forgets the warm start.
 SETPOINT_MOVED_RAD = 1e-3
-
-
-def _reaches_set(plan: Trajectory) -> bool:
-    """Return whether a plan ends in the terminal set."""
-    return plan.terminal_violation <= VIOLATION
+# A matrix farther than this from SO(3) is no rotation.
+ROTATION_DEFECT = 1e-6
+_IDENTITY = np.eye(3)
 
 
 def structure_of(config: AttitudeMpcConfig) -> Structure:
     """Map a configuration to the structure that its solver is generated for."""
-    return Structure(config.horizon, config.forcing == 'symmetric',
-                     config.max_torque_n_m is not None, config.max_rate_rad_s is not None,
-                     config.terminal_constraint, config.target == 'pointing')
+    return Structure(config.forcing == 'symmetric', config.max_torque_n_m is not None,
+                     config.max_rate_rad_s is not None, config.terminal_constraint,
+                     config.target == 'pointing')
 
 
 class AttitudeMpc:
@@ -86,28 +87,29 @@ class AttitudeMpc:
         self.terminal: TerminalDesign = terminal or terminal_design(config)
         self._unit = scaling_of(config)
         structure = structure_of(config)
-        parameters = flat_parameters(config, self.terminal.P, self.terminal.K, self.terminal.c)
-        functions, self.backend = load_functions(structure, backend, cache_dir)
-        self._strict = Engine(structure, functions, parameters)
-        self._relaxed = self._strict
-        if structure.terminal_set:
-            unbounded = flat_parameters(config, self.terminal.P, self.terminal.K, NO_LEVEL)
-            self._relaxed = Engine(structure, functions, unbounded)
+        make, self.backend = load_solver(structure, config.horizon, backend, cache_dir)
+
+        def solver_within(level: float) -> LocalSolver:
+            return make(flat_parameters(config, self.terminal.P, self.terminal.K, level))
+
+        self._strict = solver_within(self.terminal.c)
+        self._relaxed = solver_within(NO_LEVEL) if structure.terminal_set else self._strict
         self._starts = search.starts(structure, tangent_basis(config.pointing_axis_B))
-        self._pool = [Trajectory(structure) for _ in self._starts]
-        self._plan = Trajectory(structure)
-        self._shifted = Trajectory(structure)
-        self._guard = float(np.linalg.eigvalsh(config.inertia_kg_m2)[0])
+        self._plan = self._strict.new_plan()
+        self._spare = [self._strict.new_plan() for _ in range(2 + len(self._starts))]
+        inertia = config.inertia_kg_m2 / (self._unit.torque_n_m * self._unit.time_s ** 2)
+        self._guard_squared = float(np.linalg.eigvalsh(inertia)[0]) ** 2
         self._R_ND = np.eye(3)
         self._promised: float | None = None
         self._inside = True
+        self._deadline_s = math.inf
 
     def reset(self) -> None:
         """Forget the warm start; the next solve searches globally."""
         self._promised = None
 
-    def solve(self, R_NB: ArrayLike, omega_BN_B: ArrayLike, R_ND: ArrayLike | None = None
-              ) -> AttitudeMpcSolution:
+    def solve(self, R_NB: ArrayLike, omega_BN_B: ArrayLike, R_ND: ArrayLike | None = None, *,
+              max_solve_time_s: float | None = None) -> AttitudeMpcSolution:
         """Map a measured state to a plan.
 
         Arguments
@@ -118,33 +120,54 @@ class AttitudeMpc:
             Body rate (3,) [rad/s].
         R_ND
             Commanded attitude (3, 3); the identity when None.
+        max_solve_time_s
+            Time [s] after which no pass and no start begins: the best plan so far is the answer,
+            'feasible' instead of 'converged'. None: until it converges.
 
         """
         begin = time.perf_counter()
-        attitude, omega = np.asarray(R_NB, dtype=float), np.asarray(omega_BN_B, dtype=float)
-        target = np.eye(3) if R_ND is None else np.asarray(R_ND, dtype=float)
-        if not self._predictable(attitude, omega, target):
+        self._deadline_s = (math.inf if max_solve_time_s is None
+                            else time.monotonic() + max_solve_time_s)
+        measure = self._measure(R_NB, omega_BN_B, R_ND)
+        if measure is None:
             self.reset()
-            return self._failed(attitude, omega, time.perf_counter() - begin)
-        if not np.array_equal(target, self._R_ND) and (
-                error_angle(self.config, target.T @ self._R_ND) > SETPOINT_MOVED_RAD):
-            self.reset()
-        self._R_ND = target
-        error = so3.attitude_error_B(target, attitude)
-        quaternion = so3.quaternion_from_rotation(error)
-        for engine in (self._strict, self._relaxed):
-            engine.set_state(quaternion, omega * self._unit.time_s)
-        near = bool(error_angle(self.config, error) < SEARCH_ANGLE_RAD)
-        plan, passes, searched = self._find_plan(near)
-        if plan is None:
-            self.reset()
-            return self._failed(attitude, omega, time.perf_counter() - begin)
-        self._plan.copy_from(plan)
-        first = self._strict.stage_cost(plan.nodes[0], plan.torques[0])
-        self._promised = float(plan.progress.cost) - first
-        return self._report(passes, searched, first, begin)
+            return self._failed(R_NB, omega_BN_B, time.perf_counter() - begin)
+        plan, passes, searched = self._find_plan(measure.angle_rad < SEARCH_ANGLE_RAD)
+        return self._answer(plan, passes, searched, begin)
 
-    def _find_plan(self, near: bool) -> tuple[Trajectory | None, int, bool]:
+    def solve_local(self, R_NB: ArrayLike, omega_BN_B: ArrayLike) -> AttitudeMpcSolution:
+        """Map a measured state to the plan that one cold start, the short way, leads to.
+
+        This is a part of `solve`, for measuring; it may be far from the best plan.
+        """
+        begin = time.perf_counter()
+        self._deadline_s, self._inside = math.inf, True
+        if self._measure(R_NB, omega_BN_B, None) is None:
+            return self._failed(R_NB, omega_BN_B, time.perf_counter() - begin)
+        plan, passes = search.global_search(self._strict, self._starts[:1], self._spare[2:])
+        return self._answer(plan, passes, False, begin)
+
+    def _measure(self, R_NB: ArrayLike, omega_BN_B: ArrayLike, R_ND: ArrayLike | None
+                 ) -> Measure | None:
+        """Hand a state to the solvers; None when it cannot be predicted from."""
+        attitude = self._R_NB = np.asarray(R_NB, dtype=float)
+        omega = self._omega = np.asarray(omega_BN_B, dtype=float)
+        target = _IDENTITY if R_ND is None else np.asarray(R_ND, dtype=float)
+        if not math.isfinite(attitude.sum() + omega.sum() + target.sum()):
+            return None
+        if target is not self._R_ND and not np.array_equal(target, self._R_ND):
+            if error_angle(self.config, target.T @ self._R_ND) > SETPOINT_MOVED_RAD:
+                self.reset()
+            self._R_ND = target.copy()
+        rate = omega * self._unit.time_s
+        measure = self._strict.measure(attitude, target, rate)
+        if self._relaxed is not self._strict:
+            self._relaxed.measure(attitude, target, rate)
+        sound = (measure.defect <= ROTATION_DEFECT
+                 and measure.momentum_squared < self._guard_squared)
+        return measure if sound else None
+
+    def _find_plan(self, near: bool) -> tuple[Plan | None, int, bool]:
         """Return the plan, the passes used, and whether the global search ran.
 
         First with the terminal set; when that cannot be reached, without it. From outside D_N
@@ -153,14 +176,14 @@ class AttitudeMpc:
         was_inside, passes, searched = self._inside, 0, False
         if self._promised is not None:
             plan, passes = self._improve(self._strict)
-            if plan is not None and _reaches_set(plan) and (
+            if plan is not None and self._reaches_set(plan) and (
                     near or not was_inside or self._keeps_promise(plan)):
                 self._inside = True
                 return plan, passes, False
         if self._promised is None or was_inside:
             plan, more = self._search(self._strict)
             passes, searched = passes + more, True
-            if self._relaxed is self._strict or (plan is not None and _reaches_set(plan)):
+            if self._relaxed is self._strict or (plan is not None and self._reaches_set(plan)):
                 self._inside = True
                 return plan, passes, True
         self._inside = False
@@ -172,63 +195,79 @@ class AttitudeMpc:
         plan, more = self._search(self._relaxed)
         return plan, passes + more, True
 
-    def _improve(self, engine: Engine) -> tuple[Trajectory | None, int]:
-        """Return the converged plan that starts from the shifted one, or None; and its passes."""
-        shifted = self._plan.torques[1:]
-        self._shifted.copy_from(engine.begin_plan(shifted, 0.0))
-        engine.begin_plan(shifted, WARM_BARRIER)
-        plan = engine.iterate(search.MOST_PASSES)
-        return plan if search.is_converged(plan) else None, int(plan.progress.passes)
+    def _improve(self, solver: LocalSolver) -> tuple[Plan | None, int]:
+        """Return the plan that the shifted one leads to, or None; and the passes it took.
 
-    def _search(self, engine: Engine) -> tuple[Trajectory | None, int]:
+        None when it does not converge, unless time has run out.
+        """
+        passes, candidate = 0, self._spare[0]
+        for mu, most in WARM_STARTS:
+            solver.begin_shift(mu, self._plan)
+            solver.iterate(most, self._deadline_s)
+            progress = solver.progress
+            passes += progress.passes
+            if search.is_converged(progress) or progress.flag == OUT_OF_TIME:
+                solver.keep(candidate)
+                return candidate, passes
+        return None, passes
+
+    def _search(self, solver: LocalSolver) -> tuple[Plan | None, int]:
         """Return the best of the global search and the shifted plan, and the passes it took."""
-        best, passes = search.global_search(engine, self._starts, self._pool)
-        if best is not None and self._promised is not None and (
-                self._shifted.progress.cost < best.progress.cost):
-            best = self._shifted
+        best, passes = search.global_search(
+            solver, self._starts, self._spare[2:], self._deadline_s)
+        if best is not None and self._promised is not None:
+            solver.begin_shift(SHIFTED_BARRIER, self._plan)
+            shifted = self._spare[1]
+            solver.keep(shifted)
+            if shifted.progress.cost < best.progress.cost:
+                best = shifted
         return best, passes
 
-    def _keeps_promise(self, plan: Trajectory) -> bool:
+    def _reaches_set(self, plan: Plan) -> bool:
+        """Return whether a plan ends in the terminal set."""
+        return self._strict.report(plan).terminal_violation <= VIOLATION
+
+    def _keeps_promise(self, plan: Plan) -> bool:
         """Return whether a plan's value (with penalties) is what the last plan promised."""
         assert self._promised is not None
         bound = self._promised + PROMISE * max(abs(self._promised), 1e-3)
-        return bool(plan.progress.cost <= bound)
+        return plan.progress.cost <= bound
 
-    def _predictable(self, attitude: Array, omega: Array, target: Array) -> bool:
-        """Return whether the state is finite, on SO(3), and inside the existence guard."""
-        if not all(np.isfinite(value).all() for value in (attitude, omega, target)):
-            return False
-        if not (so3.is_rotation(attitude, 1e-6) and so3.is_rotation(target, 1e-6)):
-            return False
-        momentum = self.config.step_s * self.config.inertia_kg_m2 @ omega
-        return bool(np.linalg.norm(momentum) < self._guard)
-
-    def _report(self, passes: int, searched: bool, first: float, begin: float
+    def _answer(self, plan: Plan | None, passes: int, searched: bool, begin: float
                 ) -> AttitudeMpcSolution:
-        """Return the current plan, whose first stage costs ``first``, in SI units."""
-        plan, unit = self._plan, self._unit
-        torques = plan.torques * unit.torque_n_m
-        violation = max(float(np.max(plan.rate_violations, initial=0.0)),
-                        plan.terminal_violation if self._inside
-                        else self._strict.terminal_ratio(plan.nodes[-1]) - 1)
-        status = SolveStatus.FEASIBLE
-        if violation > VIOLATION or not self._inside:
-            status = SolveStatus.INFEASIBLE
-        elif search.is_converged(plan):
-            status = SolveStatus.CONVERGED
+        """Keep a plan for the next tick and return it in SI units."""
+        if plan is None:
+            self.reset()
+            return self._failed(self._R_NB, self._omega, time.perf_counter() - begin)
+        place = self._spare.index(plan)
+        self._plan, self._spare[place] = plan, self._plan
+        report, unit = self._strict.report(plan), self._unit
+        self._promised = plan.progress.cost - report.first_cost
+        cost = plan.progress.cost - report.penalties
+        torques, poses = plan.torques * unit.torque_n_m, self._strict.poses()
+        violation = max(report.rate_violation,
+                        report.terminal_violation if self._inside else report.last_level - 1)
         return AttitudeMpcSolution(
             torque_B_n_m=torques[0].copy(), torques_B_n_m=torques,
-            R_NB=self._R_ND @ so3.rotation_from_quaternion(plan.nodes[:, 0:4]),
-            omega_BN_B=plan.nodes[:, 4:7] * unit.rate_rad_s, cost=plan.cost * unit.cost,
-            iterations=passes, solve_time_s=time.perf_counter() - begin, status=status,
-            kkt_residual=search.residual(plan), violation=violation, searched=searched,
-            promised_cost=(plan.cost - first) * unit.cost,
-            terminal_ratio=self._strict.terminal_ratio(plan.nodes[0]))
+            R_NB=poses[:, :9].reshape(-1, 3, 3), omega_BN_B=poses[:, 9:] * unit.rate_rad_s,
+            cost=cost * unit.cost, iterations=passes, solve_time_s=time.perf_counter() - begin,
+            status=self._status(plan, violation), kkt_residual=plan.progress.residual,
+            violation=violation, searched=searched,
+            promised_cost=(cost - report.first_cost) * unit.cost,
+            terminal_ratio=report.first_level)
 
-    def _failed(self, attitude: Array, omega: Array, elapsed_s: float) -> AttitudeMpcSolution:
+    def _status(self, plan: Plan, violation: float) -> SolveStatus:
+        """Return how a solve ended."""
+        if violation > VIOLATION or not self._inside:
+            return SolveStatus.INFEASIBLE
+        return (SolveStatus.CONVERGED if search.is_converged(plan.progress)
+                else SolveStatus.FEASIBLE)
+
+    def _failed(self, R_NB: ArrayLike, omega_BN_B: ArrayLike, elapsed_s: float
+                ) -> AttitudeMpcSolution:
         """Return the zero plan for a state that cannot be predicted from."""
         n = self.config.horizon
         return AttitudeMpcSolution(
-            np.zeros(3), np.zeros((n, 3)), np.tile(attitude, (n + 1, 1, 1)),
-            np.tile(omega, (n + 1, 1)), float('nan'), 0, elapsed_s, SolveStatus.FAILED,
-            float('inf'), float('inf'), False, float('nan'), float('nan'))
+            np.zeros(3), np.zeros((n, 3)), np.tile(np.asarray(R_NB, dtype=float), (n + 1, 1, 1)),
+            np.tile(np.asarray(omega_BN_B, dtype=float), (n + 1, 1)), float('nan'), 0, elapsed_s,
+            SolveStatus.FAILED, float('inf'), float('inf'), False, float('nan'), float('nan'))

@@ -17,14 +17,16 @@ from pathlib import Path
 import numpy as np
 
 from manifold_mpc_ros.config import AttitudeMpcConfig
-from manifold_mpc_ros.lie import so3
-from manifold_mpc_ros.mpc import search, sqp
+from manifold_mpc_ros.mpc import search
 from manifold_mpc_ros.mpc.attitude_mpc import VIOLATION, structure_of
-from manifold_mpc_ros.mpc.build import load_functions
-from manifold_mpc_ros.mpc.engine import Engine, Trajectory
+from manifold_mpc_ros.mpc.kernel import rules
+from manifold_mpc_ros.mpc.kernel.build import load_solver
 from manifold_mpc_ros.mpc.scaling import Array, flat_parameters, scaling_of
 from manifold_mpc_ros.theory.design import TerminalDesign
 from manifold_mpc_ros.theory.manifold import tangent_basis
+
+# Passes between two looks at whether a plan is feasible.
+_PASSES_BETWEEN = 4
 
 
 class Feasibility:
@@ -35,11 +37,10 @@ class Feasibility:
         """Build or load the solver; raises SolverBuildError as :class:`AttitudeMpc` does."""
         config = replace(config, terminal_constraint=True)
         structure = structure_of(config)
-        functions, self.backend = load_functions(structure, backend, cache_dir)
-        parameters = flat_parameters(config, terminal.P, terminal.K, terminal.c)
-        self._engine = Engine(structure, functions, parameters)
+        make, self.backend = load_solver(structure, config.horizon, backend, cache_dir)
+        self._solver = make(flat_parameters(config, terminal.P, terminal.K, terminal.c))
         self._starts = search.starts(structure, tangent_basis(config.pointing_axis_B))
-        self._lean_steps = search.lean_steps(config.horizon)
+        self._plan = self._solver.new_plan()
         self._unit = scaling_of(config)
         limits = np.full(3, np.inf) if config.max_rate_rad_s is None else config.max_rate_rad_s
         self._most_rate = (1 + VIOLATION) * limits / self._unit.rate_rad_s
@@ -49,32 +50,29 @@ class Feasibility:
 
         The torques steer it into the terminal set within all limits.
         """
-        self._set_state(R_NB, omega_BN_B)
+        self._solver.measure(R_NB, np.eye(3), omega_BN_B * self._unit.time_s)
         for start in self._starts:
-            plan = self._engine.begin_slew(
-                np.array(start.lean), self._lean_steps, start.long_way, search.COLD_BARRIER)
-            while not self._is_feasible(plan):
-                if plan.progress.flag != sqp.RUNNING or (
-                        plan.progress.passes >= search.MOST_PASSES):
+            search.begin(self._solver, start)
+            while not self._is_feasible():
+                progress = self._solver.progress
+                if progress.flag != rules.RUNNING or progress.passes >= search.MOST_PASSES:
                     break
-                plan = self._engine.iterate(sqp.PASSES_PER_CALL)
+                self._solver.iterate(progress.passes + _PASSES_BETWEEN)
             else:
-                return plan.torques * self._unit.torque_n_m
+                return self._plan.torques * self._unit.torque_n_m
         return None
 
     def terminal_ratio(self, R_NB: Array, omega_BN_B: Array) -> float:
         """Return ``xi^T P xi / c`` of a state, at most 1 in X_T = D_0."""
-        self._set_state(R_NB, omega_BN_B)
-        nothing = np.zeros((0, 3))
-        return self._engine.terminal_ratio(self._engine.begin_plan(nothing, 0.0).nodes[0])
+        self._solver.measure(R_NB, np.eye(3), omega_BN_B * self._unit.time_s)
+        search.begin(self._solver, self._starts[0])
+        self._solver.keep(self._plan)
+        return self._solver.report(self._plan).first_level
 
-    def _set_state(self, R_NB: Array, omega_BN_B: Array) -> None:
-        """Hand a state to the solver."""
-        self._engine.set_state(so3.quaternion_from_rotation(R_NB),
-                               omega_BN_B * self._unit.time_s)
-
-    def _is_feasible(self, plan: Trajectory) -> bool:
+    def _is_feasible(self) -> bool:
         """Return whether a roll-out keeps the rate limits at k >= 1 and ends in X_T."""
-        rates, end = plan.nodes[1:, 4:7], plan.nodes[-1]
+        self._solver.keep(self._plan)
+        report = self._solver.report(self._plan)
+        rates = self._solver.poses()[1:, 9:]
         return bool(np.all(np.abs(rates) <= self._most_rate)
-                    and self._engine.terminal_ratio(end) <= 1 + VIOLATION)
+                    and report.last_level <= 1 + VIOLATION)

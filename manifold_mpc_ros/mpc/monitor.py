@@ -18,10 +18,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from manifold_mpc_ros.config import AttitudeMpcConfig
+from manifold_mpc_ros.mpc.kernel.rules import SMALLEST_BARRIER
 from manifold_mpc_ros.mpc.promise import Plan, PromiseCounters, PromiseRecord, Tolerance, Verdict
 from manifold_mpc_ros.mpc.scaling import Array, scaling_of
 from manifold_mpc_ros.mpc.solution import SolveStatus
-from manifold_mpc_ros.mpc.sqp import SMALLEST_BARRIER
 
 #: A broken promise is warned of for so many ticks after it.
 HOLD_TICKS = 5

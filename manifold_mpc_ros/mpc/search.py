@@ -10,19 +10,20 @@ torque. A planar slew is a stationary point that is up to 37 % worse than the be
 from __future__ import annotations
 
 import itertools
+import math
+import time
 from typing import NamedTuple
 
 import numpy as np
 
-from manifold_mpc_ros.mpc import sqp
-from manifold_mpc_ros.mpc.engine import Engine, Trajectory
+from manifold_mpc_ros.mpc.kernel import rules
+from manifold_mpc_ros.mpc.kernel.solver import LocalSolver, Plan, Progress
+from manifold_mpc_ros.mpc.kernel.structure import Structure
 from manifold_mpc_ros.mpc.scaling import Array
-from manifold_mpc_ros.mpc.structure import Structure
 
 # Barrier parameter of a cold start (dimensionless, against a cost of order 10).
 COLD_BARRIER = 1.0
-# Passes of each start at most. None is dropped early: after a dozen passes the winner can still
-# cost three times what another start does (test_global.py).
+# Passes of each start at most.
 MOST_PASSES = 200
 # Plans whose costs agree to this are equal; the rule then decides.
 TIE = 1e-7
@@ -63,46 +64,55 @@ def lean_steps(horizon: int) -> int:
     return max(1, min(3, horizon // 3))
 
 
-def residual(trajectory: Trajectory) -> float:
-    """Return the KKT residual (dimensionless) of a trajectory."""
-    progress = trajectory.progress
-    return max(progress.stationarity, progress.complementarity)
-
-
-def is_converged(trajectory: Trajectory) -> bool:
+def is_converged(progress: Progress) -> bool:
     """Return whether a trajectory satisfies the optimality conditions."""
-    flag = trajectory.progress.flag
-    return flag == sqp.CONVERGED or (
-        flag == sqp.STALLED and residual(trajectory) < ACCEPTABLE_RESIDUAL)
+    return progress.flag == rules.CONVERGED or (
+        progress.flag == rules.STALLED and progress.residual < ACCEPTABLE_RESIDUAL)
 
 
-def global_search(engine: Engine, field: tuple[Start, ...], pool: list[Trajectory]
-                  ) -> tuple[Trajectory | None, int]:
-    """Return the best trajectory from the engine's state, and the passes it took in all.
+def begin(solver: LocalSolver, start: Start) -> None:
+    """Begin a cold start."""
+    if start.long_way:
+        solver.flip()
+    solver.begin_slew(COLD_BARRIER, np.array(start.lean), lean_steps(solver.horizon))
+    if start.long_way:
+        solver.flip()
 
-    ``pool`` holds one trajectory per start as memory. None when no start gave a trajectory.
+
+def global_search(solver: LocalSolver, field: tuple[Start, ...], pool: list[Plan],
+                  deadline_s: float = math.inf) -> tuple[Plan | None, int]:
+    """Return the best plan from the solver's state, and the passes it took in all.
+
+    ``pool`` holds one plan per start as memory. None when no start gave a plan. After the
+    deadline no further start begins.
     """
+    passes = 0
+    finalists: list[Plan] = []
     for start, slot in zip(field, pool):
-        engine.begin_slew(np.array(start.lean), lean_steps(engine.structure.horizon),
-                          start.long_way, COLD_BARRIER)
-        slot.copy_from(engine.iterate(MOST_PASSES))
-    passes = sum(int(slot.progress.passes) for slot in pool)
-    finalists = [slot for slot in pool
-                 if slot.progress.passes > 0 and np.isfinite(slot.progress.cost)]
+        if finalists and time.monotonic() > deadline_s:
+            break
+        begin(solver, start)
+        solver.iterate(MOST_PASSES, deadline_s)
+        progress = solver.progress
+        passes += progress.passes
+        if progress.passes > 0 and math.isfinite(progress.cost):
+            solver.keep(slot)
+            finalists.append(slot)
     return (choose(finalists) if finalists else None), passes
 
 
-def choose(finalists: list[Trajectory]) -> Trajectory:
-    """Return the cheapest trajectory; among equals the one with the smallest first torque.
+def choose(finalists: list[Plan]) -> Plan:
+    """Return the cheapest plan; among equals the one with the smallest first torque.
 
     Smallest in lexicographic order of the torques rounded to 1e-6: at 180 degrees both sides
     cost the same, and this picks the same one whatever the noise in the attitude's sign, the
     one that turns back along the positive axis as ``so3.log`` has it.
     """
-    best = min(slot.progress.cost for slot in finalists)
-    equals = [slot for slot in finalists
-              if slot.progress.cost <= best + TIE * max(abs(best), 1.0)]
-    return min(equals, key=lambda slot: _rank(slot.torques[0]))
+    best = min(plan.progress.cost for plan in finalists)
+    equals = [plan for plan in finalists
+              if plan.progress.cost <= best + TIE * max(abs(best), 1.0)]
+    return equals[0] if len(equals) == 1 else min(
+        equals, key=lambda plan: _rank(plan.torques[0]))
 
 
 def _rank(torque: Array) -> tuple[float, ...]:

@@ -37,7 +37,7 @@ class AttitudeMpcSolution:
     largest relative violation of a state limit or of the terminal set (0 when none);
     ``searched`` says whether the global search ran. ``promised_cost`` is ``V - L(x0, u0)``, the
     bound that the theory puts on the next tick's cost; ``terminal_ratio`` is ``xi^T P xi / c`` of
-    the measured state, at most 1 inside the terminal set.
+    the measured state, at most 1 inside the terminal set. ``solve_time_s`` is the whole call.
     """
 
     torque_B_n_m: Array

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from manifold_mpc_ros.mpc.promise import PromiseRecord, Verdict
+from manifold_mpc_ros.mpc.promise import Verdict
 from manifold_mpc_ros.nodes.managed_node import Status
 from manifold_mpc_ros.nodes.tick import Command, ControlLoop
 from manifold_mpc_ros.safety.modes import Mode
@@ -42,12 +42,14 @@ def status_of(command: Command | None, loop: ControlLoop, waiting: str) -> Statu
             solver_status=solution.status.value, iterations=solution.iterations,
             solve_time_us=solution.solve_time_s * 1e6, cost=float(solution.cost))
     if command.promise is not None:
-        _add_promise(status, command.promise, nominal=command.mode is Mode.NOMINAL)
+        _add_promise(status, command)
     return status
 
 
-def _add_promise(status: Status, record: PromiseRecord, *, nominal: bool) -> None:
+def _add_promise(status: Status, command: Command) -> None:
     """Add to a status what became of the promise of the last tick, and the warning if due."""
+    record = command.promise
+    assert record is not None
     words = {None: 'unknown', True: 'true', False: 'false'}
     why_none = f' ({record.reason})' if record.verdict is Verdict.NONE else ''
     status.values.update(
@@ -60,9 +62,9 @@ def _add_promise(status: Status, record: PromiseRecord, *, nominal: bool) -> Non
         promises_broken=record.counters.broken,
         largest_relative_excess=record.counters.largest_excess,
         ticks_outside_domain=record.counters.outside_domain)
-    if record.in_domain is False:
+    if record.in_domain is False and command.solution is not None:
         status.level = max(status.level, DiagnosticStatus.WARN)
         status.message += ' (no plan keeps the rate limits and reaches the terminal set)'
     if record.warning:
         status.level = max(status.level, DiagnosticStatus.WARN)
-        status.message = record.warning if nominal else f'{status.message}; {record.warning}'
+        status.message = record.warning if command.mode is Mode.NOMINAL else f'{status.message}; {record.warning}'

@@ -121,6 +121,8 @@ class NodeParameters:
         changes = {parameter.name: _plain(parameter.value) for parameter in parameters}
         own = {name: value for name, value in changes.items() if name in self._specs}
         try:
+            if '' in changes:  # rclpy takes it for one that is declared
+                raise ConfigurationError('parameter', '', 'a name')
             if not self.changeable:
                 self._refuse_too_late(changes, own)
             for name, value in own.items():

@@ -81,10 +81,17 @@ class FallbackLaw:
         else:
             half_cosine, half_sine = _half_swing(self._axis_B, R_NB.T @ R_ND @ self._axis_B)
         near_half_turn = half_cosine < np.sin(0.5 * KEPT_SIDE_RAD)
-        if near_half_turn and self._side_B is not None and half_sine @ self._side_B < 0.0:
-            half_sine = -half_sine
+        if near_half_turn and self._side_B is not None:
+            half_sine = self._kept(half_sine, self._side_B)
         self._side_B = half_sine if near_half_turn else None
         return 2.0 * half_sine
+
+    def _kept(self, half_sine: Array, side_B: Array) -> Array:
+        """Return a half turn on the side of the last: one of two, or any about a pointing axis."""
+        if self._axis_B is None:
+            return half_sine if half_sine @ side_B >= 0.0 else -half_sine
+        across = side_B - (side_B @ self._axis_B) * self._axis_B
+        return across * (np.linalg.norm(half_sine) / np.linalg.norm(across))
 
 
 def scaled_into(torque: Array, limit: Array) -> Array:

@@ -1,9 +1,9 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The solver's functions, from a cache of compiled C or in CasADi's virtual machine.
+"""The solver compiled from generated C and cached, or in CasADi's virtual machine.
 
-The compiled library depends on the problem's structure only (horizon, forcing, which
-inequalities exist); numbers are run-time parameters. Its file name is a hash of the structure,
+The compiled library depends on the problem's structure only (forcing, target, which inequalities
+exist); the horizon and all numbers are run-time values. Its file name is a hash of the structure,
 of the sources that generate it, of CasADi, of the compiler and of the processor, and it appears
 in the cache by an atomic rename: concurrent starts can at worst compile the same thing twice. A
 checksum ends the file, because loading a truncated library would end the process.
@@ -18,36 +18,35 @@ import shlex
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 import casadi as ca
 
 from manifold_mpc_ros.errors import ConfigurationError, SolverBuildError
-from manifold_mpc_ros.mpc import guess, sqp
-from manifold_mpc_ros.mpc.structure import Structure
+from manifold_mpc_ros.mpc.kernel.generate import program_code
+from manifold_mpc_ros.mpc.kernel.interpreted import InterpretedSolver, Parts
+from manifold_mpc_ros.mpc.kernel.native import Library, NativeSolver
+from manifold_mpc_ros.mpc.kernel.passes import program_of
+from manifold_mpc_ros.mpc.kernel.solver import LocalSolver
+from manifold_mpc_ros.mpc.kernel.structure import Structure
+from manifold_mpc_ros.mpc.scaling import Array
 
-FUNCTIONS = ('initial_node', 'start', 'iterate', 'stage_cost', 'terminal_value')
-# The modules of this package that the generated code comes from.
-_GENERATORS = ('scaling', 'structure', 'stage', 'curvature', 'backward', 'forward', 'guess', 'sqp',
-               'build')
 BACKENDS = ('auto', 'c', 'vm')
 # No contraction into fused multiply-add: compiled C and the virtual machine then execute the
 # same sequence of roundings (test_backends.py compares them bit by bit).
-_FLAGS = ('-O2', '-march=native', '-ffp-contract=off', '-fPIC', '-shared')
+_FLAGS = ('-std=gnu11', '-O2', '-march=native', '-ffp-contract=off', '-fno-math-errno', '-fPIC',
+          '-shared')
 _COMPILE_TIMEOUT_S = 300
 _CHECKSUM = hashlib.sha256().digest_size
 
-
-def build_functions(structure: Structure) -> list[ca.Function]:
-    """Return the solver's functions as CasADi graphs, in the order of FUNCTIONS."""
-    return [guess.initial_node(), sqp.start_function(structure),
-            sqp.iterate_function(structure, sqp.PASSES_PER_CALL), guess.stage_cost(),
-            guess.terminal_value(structure)]
+# Makes a solver with memory of its own from a flat vector of parameters.
+MakeSolver = Callable[[Array], LocalSolver]
 
 
-def load_functions(structure: Structure, backend: str, cache_dir: str | Path | None
-                   ) -> tuple[list[ca.Function], str]:
-    """Return the solver's functions and the backend in use, 'c' or 'vm'.
+def load_solver(structure: Structure, horizon: int, backend: str, cache_dir: str | Path | None
+                ) -> tuple[MakeSolver, str]:
+    """Return what makes solvers of this structure and horizon, and the backend, 'c' or 'vm'.
 
     ``backend`` 'auto' compiles where there is a compiler and falls back to the virtual machine.
 
@@ -63,19 +62,21 @@ def load_functions(structure: Structure, backend: str, cache_dir: str | Path | N
         raise ConfigurationError('backend', backend, f'one of {", ".join(BACKENDS)}')
     if backend != 'vm':
         try:
-            return _load_compiled(structure, _cache_directory(cache_dir)), 'c'
+            library = _load_library(structure, _cache_directory(cache_dir))
+            return lambda numbers: NativeSolver(library, structure, horizon, numbers), 'c'
         except SolverBuildError:
             if backend == 'c':
                 raise
-    return build_functions(structure), 'vm'
+    parts = Parts(program_of(structure), horizon)
+    return lambda numbers: InterpretedSolver(parts, structure, numbers), 'vm'
 
 
-def _load_compiled(structure: Structure, cache: Path) -> list[ca.Function]:
-    """Return the compiled functions, from the cache or freshly compiled."""
-    library = cache / f'solver_{_key(structure)}.so'
-    if not _is_intact(library):
-        _compile(structure, library)
-    return _open(library)
+def _load_library(structure: Structure, cache: Path) -> Library:
+    """Return the compiled solver, from the cache or freshly compiled."""
+    path = cache / f'solver_{_key(structure)}.so'
+    if not _is_intact(path):
+        _compile(structure, path)
+    return Library(path)
 
 
 def _is_intact(library: Path) -> bool:
@@ -87,24 +88,13 @@ def _is_intact(library: Path) -> bool:
     return hashlib.sha256(content[:-_CHECKSUM]).digest() == content[-_CHECKSUM:]
 
 
-def _open(library: Path) -> list[ca.Function]:
-    """Return the functions of an intact library."""
-    try:
-        return [ca.external(name, str(library)) for name in FUNCTIONS]
-    except RuntimeError as error:
-        raise SolverBuildError(f'cannot load the compiled solver {library}: {error}') from error
-
-
 def _compile(structure: Structure, library: Path) -> None:
     """Generate C, compile it beside its destination and move it there atomically."""
     compiler = _compiler()
     with tempfile.TemporaryDirectory(dir=library.parent, prefix='build_') as folder:
-        generator = ca.CodeGenerator('solver.c')
-        for function in build_functions(structure):
-            generator.add(function)
-        generator.generate(f'{folder}{os.sep}')
-        built = Path(folder) / 'solver.so'
-        command = [*compiler, *_FLAGS, str(Path(folder) / 'solver.c'), '-o', str(built), '-lm']
+        source, built = Path(folder) / 'solver.c', Path(folder) / 'solver.so'
+        source.write_text(program_code(program_of(structure)), encoding='utf-8')
+        command = [*compiler, *_FLAGS, str(source), '-o', str(built), '-lm']
         try:
             result = subprocess.run(command, capture_output=True, text=True, check=False,
                                     timeout=_COMPILE_TIMEOUT_S)
@@ -144,12 +134,13 @@ def _cache_directory(cache_dir: str | Path | None) -> Path:
 
 
 def _hash_sources() -> str:
-    """Return the hash of the modules that generate the code."""
+    """Return the hash of the files that generate the code."""
     digest = hashlib.sha256()
-    package = Path(__file__).resolve().parent.parent
-    for source in sorted([*(package / 'mpc' / f'{name}.py' for name in _GENERATORS),
-                          *package.glob('*/symbolic.py'),
-                          package / 'dynamics' / 'scalar_form.py']):
+    kernel = Path(__file__).resolve().parent
+    package = kernel.parent.parent
+    for source in sorted([*kernel.glob('*.*'), *package.glob('*/symbolic.py'),
+                          package / 'dynamics' / 'scalar_form.py',
+                          package / 'mpc' / 'scaling.py']):
         digest.update(source.read_bytes())
     return digest.hexdigest()
 

@@ -1,0 +1,160 @@
+/* Copyright 2026 The manifold_mpc_ros authors
+ * SPDX-License-Identifier: Apache-2.0
+ *
+ * The solver's loop around the generated phases: no allocation, no callback, no global state.
+ * interpreted.py is the same loop for the virtual machine; test_backends.py compares their bits.
+ */
+
+enum { RUNNING, CONVERGED, STALLED, OUT_OF_TIME };
+
+typedef struct {
+    double *plan, *fresh, *model, *g;
+    double cost, logs, mu, exact;
+    double stationarity, products, decrease, elapsed_s;
+    long horizon, flag, passes, trials;
+} solve;
+
+static double now_s(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+static void take_fresh(solve *s)
+{
+    double *swapped = s->plan;
+    s->plan = s->fresh;
+    s->fresh = swapped;
+    s->cost = s->g[SUMS];
+    s->logs = s->g[SUMS + 1];
+}
+
+long lane_count(void)
+{
+    return LANES;
+}
+
+/* What stays the same for a memory: which stages are inner and later ones. */
+void prepare(solve *s)
+{
+    for (long k = -LANES; k <= s->horizon + LANES; ++k) {
+        s->model[AT(MODEL_ROWS, INNER, k)] = k < s->horizon;
+        s->model[AT(MODEL_ROWS, LATER, k)] = k > 0;
+    }
+}
+
+static void begin(solve *s)
+{
+    take_fresh(s);
+    s->flag = s->g[SUMS + 2] > 0.0 ? RUNNING : STALLED;
+    s->stationarity = s->products = s->decrease = INFINITY;
+    s->exact = 1.0;
+    s->passes = s->trials = 0;
+}
+
+/* Start from the slew law, leaning for the first steps. */
+void begin_slew(solve *s, double mu, const double *lean, long lean_steps)
+{
+    double begun_s = now_s();
+    s->g[BARRIER] = s->mu = mu;
+    for (long k = 0; k <= s->horizon; ++k)
+        for (int i = 0; i < 3; ++i)
+            s->model[AT(MODEL_ROWS, LEAN + i, k)] = k < lean_steps ? lean[i] : 0.0;
+    run_slew(s->plan, s->fresh, s->model, s->g, s->horizon);
+    run_cold(s->plan, s->fresh, s->model, s->g, s->horizon);
+    begin(s);
+    s->elapsed_s += now_s() - begun_s;
+}
+
+/* Start from the torques and multipliers of another plan, one stage ahead. */
+void begin_shift(solve *s, double mu, const double *kept)
+{
+    double begun_s = now_s();
+    s->g[BARRIER] = s->mu = mu;
+    run_shift(kept, s->fresh, s->model, s->g, s->horizon);
+    run_warm(kept, s->fresh, s->model, s->g, s->horizon);
+    begin(s);
+    s->elapsed_s += now_s() - begun_s;
+}
+
+/* Set the state from what was measured. */
+void measure(solve *s)
+{
+    run_measure(s->plan, s->fresh, s->model, s->g, s->horizon);
+}
+
+/* Say what the caller wants to know of a plan. */
+void report(solve *s, const double *kept)
+{
+    run_report(kept, s->fresh, s->model, s->g, s->horizon);
+}
+
+static int accepts(const solve *s, double length)
+{
+    const double *sums = s->g + SUMS;
+    double merit = s->cost - s->mu * s->logs;
+    double noise = COST_NOISE * fabs(s->cost) + BARRIER_NOISE * fabs(s->mu * s->logs);
+    return sums[2] > 0.0 && sums[0] - s->mu * sums[1] <= merit - ARMIJO * length * s->decrease
+        + noise;
+}
+
+/* Shorten the step until the merit falls; return its length, 0 when no length will do. */
+static double search_length(solve *s)
+{
+    double reach = s->g[LARGEST_REACH];
+    double length = reach > BOUNDARY ? BOUNDARY / reach : 1.0;
+    for (; length > SMALLEST_STEP; length *= BACKTRACK) {
+        s->g[LENGTH] = length;
+        run_trial(s->plan, s->fresh, s->model, s->g, s->horizon);
+        ++s->trials;
+        if (accepts(s, length))
+            return length;
+    }
+    return 0.0;
+}
+
+static void model_plan(solve *s)
+{
+    const double *residuals = s->g + RESIDUALS;
+    s->g[BARRIER] = s->mu;
+    s->g[EXACT] = s->exact;
+    run_backward(s->plan, s->fresh, s->model, s->g, s->horizon);
+    s->stationarity = residuals[0];
+    s->products = residuals[1];
+    s->decrease = residuals[2];
+    ++s->passes;
+}
+
+static void one_pass(solve *s)
+{
+    model_plan(s);
+    if (fmax(s->stationarity, s->products) < TOLERANCE) {
+        s->flag = CONVERGED;
+        return;
+    }
+    double length = s->g[RESIDUALS + 3] > SMALLEST_PIVOT ? search_length(s) : 0.0;
+    if (length == 0.0) {
+        if (s->exact == 0.0)
+            s->flag = STALLED;
+        s->exact = s->exact > SMALLEST_BLEND ? BLEND_DOWN * s->exact : 0.0;
+        return;
+    }
+    take_fresh(s);
+    if (length >= READY_LENGTH && s->decrease < BARRIER_READY * s->mu)
+        s->mu = fmax(SMALLEST_BARRIER, fmin(BARRIER_FACTOR * s->mu, s->mu * sqrt(s->mu)));
+    s->exact = fmin(1.0, fmax(BLEND_UP * s->exact, SMALLEST_BLEND));
+}
+
+/* Run up to `most` passes in all, until the flag says why it ended or the deadline is over. */
+void iterate(solve *s, long most, double deadline_s)
+{
+    double begun_s = now_s();
+    while (s->flag == RUNNING && s->passes < most) {
+        if (s->passes && now_s() > deadline_s)
+            s->flag = OUT_OF_TIME;
+        else
+            one_pass(s);
+    }
+    s->elapsed_s += now_s() - begun_s;
+}

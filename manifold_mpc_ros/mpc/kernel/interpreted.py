@@ -1,0 +1,201 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The local solver in CasADi's virtual machine: the loop of driver.c, statement by statement."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+
+from manifold_mpc_ros.mpc.kernel import fields as f
+from manifold_mpc_ros.mpc.kernel import rules
+from manifold_mpc_ros.mpc.kernel.barrier import BOUNDARY
+from manifold_mpc_ros.mpc.kernel.layout import memory_fields
+from manifold_mpc_ros.mpc.kernel.passes import Program
+from manifold_mpc_ros.mpc.kernel.phase import Field, Memory
+from manifold_mpc_ros.mpc.kernel.solver import LocalSolver, Measure, Plan, Progress, Report
+from manifold_mpc_ros.mpc.kernel.structure import Structure
+from manifold_mpc_ros.mpc.kernel.virtual import Part, Slot
+from manifold_mpc_ros.mpc.scaling import Array
+
+
+class InterpretedPlan(Plan):
+    """A trajectory as one array per field, column after column."""
+
+    def __init__(self, structure: Structure, horizon: int) -> None:
+        """Allocate."""
+        super().__init__(structure, horizon)
+        self.memory = {field: np.zeros(field.size * (horizon + 1))
+                       for field in memory_fields(Memory.TRAJECTORY)}
+
+    def field(self, field: Field) -> Array:
+        """Return a field (N + 1, size)."""
+        return self.memory[field].reshape(self.horizon + 1, field.size)
+
+
+class Parts:
+    """The parts of a program as functions of one horizon, to be shared by solvers."""
+
+    def __init__(self, program: Program, horizon: int) -> None:
+        """Build the graphs."""
+        self.horizon = horizon
+        self._parts = {name: Part(name, phases, horizon)
+                       for name, phases in program._asdict().items()}
+
+    def run(self, name: str, memory: dict[Slot, Array]) -> None:
+        """Run one part."""
+        self._parts[name](memory)
+
+
+class InterpretedSolver(LocalSolver):
+    """The virtual machine with memory of its own."""
+
+    def __init__(self, parts: Parts, structure: Structure, parameters: Array) -> None:
+        """Allocate everything that a solve needs."""
+        super().__init__(structure, parts.horizon)
+        self._parts = parts
+        n = parts.horizon
+        self._shared = {
+            Slot(field, False): np.zeros(field.size * (1 if field.memory is Memory.GLOBAL
+                                                       else n + 1))
+            for memory in (Memory.MODEL, Memory.GLOBAL) for field in memory_fields(memory)}
+        self._plan, self._fresh = InterpretedPlan(structure, n), InterpretedPlan(structure, n)
+        self._at(f.PARAMETER)[:] = parameters
+        self._at(f.INNER)[:n] = 1.0
+        self._at(f.LATER)[1:] = 1.0
+        self._cost = self._logs = self._mu = 0.0
+        self._exact = 1.0
+        self._stationarity = self._products = self._decrease = math.inf
+        self._flag, self._passes = rules.STALLED, 0
+
+    def _at(self, field: Field) -> Array:
+        """Return the memory of a field of the model or of the globals."""
+        return self._shared[Slot(field, False)]
+
+    def _run(self, part: str, plan: InterpretedPlan | None = None) -> None:
+        """Run a part from a plan (the current one) to the fresh trajectory."""
+        old = self._plan if plan is None else plan
+        self._parts.run(part, self._shared | {
+            Slot(field, new): side.memory[field]
+            for new, side in ((False, old), (True, self._fresh)) for field in side.memory})
+
+    def measure(self, R_NB: Array, R_ND: Array, omega: Array) -> Measure:
+        """Set the state."""
+        self._at(f.MEASURED)[:] = np.concatenate([R_NB.ravel(), R_ND.ravel(), omega])
+        self._run('measure')
+        return Measure(*self._at(f.MEASURE).tolist())
+
+    def flip(self) -> None:
+        """Turn the sign of the starting quaternion."""
+        self._at(f.START)[:4] *= -1.0
+
+    def begin_slew(self, mu: float, lean: Array, lean_steps: int) -> None:
+        """Start from the slew law."""
+        self._at(f.BARRIER)[:] = self._mu = mu
+        leans = self._at(f.LEAN).reshape(-1, 3)
+        leans[:] = 0.0
+        leans[:lean_steps] = lean
+        self._run('slew')
+        self._run('cold')
+        self._begin()
+
+    def begin_shift(self, mu: float, plan: Plan) -> None:
+        """Start from a plan, one stage ahead."""
+        assert isinstance(plan, InterpretedPlan)
+        self._at(f.BARRIER)[:] = self._mu = mu
+        self._run('shift', plan)
+        self._run('warm', plan)
+        self._begin()
+
+    def _begin(self) -> None:
+        self._take_fresh()
+        self._flag = rules.RUNNING if self._at(f.SUMS)[2] > 0.0 else rules.STALLED
+        self._stationarity = self._products = self._decrease = math.inf
+        self._exact, self._passes = 1.0, 0
+
+    def _take_fresh(self) -> None:
+        self._plan, self._fresh = self._fresh, self._plan
+        self._cost, self._logs = self._at(f.SUMS)[:2].tolist()
+
+    def _accepts(self, length: float) -> bool:
+        cost, logs, sound = self._at(f.SUMS).tolist()
+        merit = self._cost - self._mu * self._logs
+        noise = (rules.COST_NOISE * abs(self._cost)
+                 + rules.BARRIER_NOISE * abs(self._mu * self._logs))
+        bound = merit - rules.ARMIJO * length * self._decrease + noise
+        return bool(sound > 0.0 and cost - self._mu * logs <= bound)
+
+    def _search_length(self) -> float:
+        reach = float(self._at(f.LARGEST_REACH)[0])
+        length = BOUNDARY / reach if reach > BOUNDARY else 1.0
+        while length > rules.SMALLEST_STEP:
+            self._at(f.LENGTH)[:] = length
+            self._run('trial')
+            if self._accepts(length):
+                return length
+            length *= rules.BACKTRACK
+        return 0.0
+
+    def _model_plan(self) -> float:
+        self._at(f.BARRIER)[:], self._at(f.EXACT)[:] = self._mu, self._exact
+        self._run('backward')
+        self._stationarity, self._products, self._decrease, pivot = (
+            self._at(f.RESIDUALS).tolist())
+        self._passes += 1
+        return float(pivot)
+
+    def _one_pass(self) -> None:
+        pivot = self._model_plan()
+        if max(self._stationarity, self._products) < rules.TOLERANCE:
+            self._flag = rules.CONVERGED
+            return
+        length = self._search_length() if pivot > rules.SMALLEST_PIVOT else 0.0
+        if length == 0.0:
+            if self._exact == 0.0:
+                self._flag = rules.STALLED
+            self._exact = (rules.BLEND_DOWN * self._exact
+                           if self._exact > rules.SMALLEST_BLEND else 0.0)
+            return
+        self._take_fresh()
+        if length >= rules.READY_LENGTH and self._decrease < rules.BARRIER_READY * self._mu:
+            self._mu = max(rules.SMALLEST_BARRIER, min(
+                rules.BARRIER_FACTOR * self._mu, self._mu * math.sqrt(self._mu)))
+        self._exact = min(1.0, max(rules.BLEND_UP * self._exact, rules.SMALLEST_BLEND))
+
+    def iterate(self, most: int, deadline_s: float = math.inf) -> None:
+        """Run passes."""
+        while self._flag == rules.RUNNING and self._passes < most:
+            if self._passes and time.monotonic() > deadline_s:
+                self._flag = rules.OUT_OF_TIME
+            else:
+                self._one_pass()
+
+    @property
+    def progress(self) -> Progress:
+        """How far the solve is."""
+        return Progress(self._cost, max(self._stationarity, self._products), self._flag,
+                        self._passes)
+
+    def new_plan(self) -> InterpretedPlan:
+        """Return memory for a plan."""
+        return InterpretedPlan(self.structure, self.horizon)
+
+    def keep(self, plan: Plan) -> None:
+        """Copy the trajectory into a plan."""
+        assert isinstance(plan, InterpretedPlan)
+        for field, values in self._plan.memory.items():
+            np.copyto(plan.memory[field], values)
+        plan.progress = self.progress
+
+    def report(self, plan: Plan) -> Report:
+        """Say what the caller wants to know of a plan."""
+        assert isinstance(plan, InterpretedPlan)
+        self._run('report', plan)
+        return Report(*np.concatenate([self._at(field) for field in (
+            f.FIRST_COST, f.FIRST_LEVEL, f.LAST_LEVEL, f.EXCESS, f.MISSED)]).tolist())
+
+    def poses(self) -> Array:
+        """Return what the last report wrote about every node."""
+        return self._at(f.POSE).reshape(self.horizon + 1, -1).copy()

@@ -1,0 +1,45 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""From what was measured to the solver's start: the error's quaternion and the momentum."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from manifold_mpc_ros.lie.symbolic import quaternion_from_rotation, rotation_from_quaternion
+from manifold_mpc_ros.mpc.kernel import fields as f
+from manifold_mpc_ros.mpc.kernel.barrier import largest
+from manifold_mpc_ros.mpc.kernel.phase import Field, Phase, Read, phase
+from manifold_mpc_ros.mpc.kernel.structure import Structure
+from manifold_mpc_ros.mpc.scaling import unpack
+
+
+def row_by_row(entries: ca.SX) -> ca.SX:
+    """Return the matrix (3, 3) of nine entries, row by row."""
+    return ca.reshape(entries, 3, 3).T
+
+
+def _defect(rotation: ca.SX) -> ca.SX:
+    """Return how far a matrix (3, 3) is from SO(3): ``max |R^T R - I|``, 2 with det < 0."""
+    orthogonality = largest(ca.vec(rotation.T @ rotation - ca.SX.eye(3)))
+    return ca.fmax(orthogonality, ca.if_else(ca.det(rotation) > 0, 0, 2))
+
+
+def measure_phase(structure: Structure) -> Phase:
+    """Map (R_NB, R_ND, omega) to the start and to what decides whether it can be used."""
+    def expression(read: Read) -> dict[Field, ca.SX]:
+        p, measured = unpack(read(f.PARAMETER)), read(f.MEASURED)
+        attitude, target = row_by_row(measured[0:9]), row_by_row(measured[9:18])
+        momentum = p.inertia @ measured[18:21]
+        q = quaternion_from_rotation(target.T @ attitude)
+        v = q[1:4]
+        angle = 2 * ca.atan2(ca.sqrt(ca.dot(v, v)), q[0])
+        if structure.pointing:
+            gamma, axis = rotation_from_quaternion(q).T @ p.pointing_axis, p.pointing_axis
+            across = ca.cross(gamma, axis)
+            angle = ca.atan2(ca.sqrt(ca.dot(across, across)), ca.dot(gamma, axis))
+        return {f.START: ca.vertcat(q, momentum),
+                f.MEASURE: ca.vertcat(ca.fmax(_defect(attitude), _defect(target)),
+                                      ca.dot(momentum, momentum), angle)}
+
+    return phase('measure', expression, only=1)

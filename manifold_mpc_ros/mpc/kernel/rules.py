@@ -1,0 +1,38 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The numbers that decide about a pass, shared by both drivers."""
+
+from __future__ import annotations
+
+from manifold_mpc_ros.mpc.kernel.barrier import BOUNDARY
+
+# Stop when stationarity and complementarity are below this (dimensionless).
+TOLERANCE = 1e-8
+# The barrier ends here; the cost is then within 24 N times this of the optimum.
+SMALLEST_BARRIER = 1e-9
+# Shrink the barrier once the model expects less decrease than this many times mu.
+BARRIER_READY = 300.0
+BARRIER_FACTOR = 0.1
+# ... after a step of at least this length.
+READY_LENGTH = 0.9
+ARMIJO = 1e-4
+# Rounding of cost and barrier, relative: changes below it count as no increase.
+COST_NOISE = 1e-11
+BARRIER_NOISE = 1e-13
+BACKTRACK = 1 / 3
+SMALLEST_STEP = 1e-6
+# Blend towards the exact Hessian: halved while it is indefinite, grown on every accepted pass.
+BLEND_DOWN = 0.5
+BLEND_UP = 1.5
+SMALLEST_BLEND = 0.05
+# A relative pivot of the control's Hessian below this counts as indefinite.
+SMALLEST_PIVOT = 1e-14
+
+RUNNING, CONVERGED, STALLED, OUT_OF_TIME = range(4)
+
+
+def constants() -> dict[str, float]:
+    """Return the numbers by name, for the C driver."""
+    names = [name for name, value in globals().items()
+             if name.isupper() and isinstance(value, float)]
+    return {name: globals()[name] for name in names} | {'BOUNDARY': BOUNDARY}

@@ -1,0 +1,91 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The discrete mechanics of one step f, explicit in f: momenta, derivatives and Hessians.
+
+With the nonstandard inertia J_d the momenta at both ends of a step are linear in f,
+
+    m+ = vee(f J_d - J_d f^T),    m- = vee(J_d f - f^T J_d) = f^T m+,
+
+so for multipliers s+, s- the Lagrangian ``tr(Q (I - f)) + s+ . m+ - s- . m-`` is ``-tr(Z f)`` plus
+a constant, with ``Z = Q + J_d s+^x - s-^x J_d``, and its second derivatives come from one matrix
+product. Variations are from the left, ``f -> exp(beta) f``, beta in the body axes before the step.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from manifold_mpc_ros.dynamics.scalar_form import Matrix, Vector
+from manifold_mpc_ros.lie.symbolic import hat, trace_hessian
+
+
+def symmetric_from(entries: ca.SX) -> ca.SX:
+    """Map (xx, xy, xz, yy, yz, zz) to the symmetric matrix."""
+    a = entries
+    return ca.vertcat(ca.horzcat(a[0], a[1], a[2]), ca.horzcat(a[1], a[3], a[4]),
+                      ca.horzcat(a[2], a[4], a[5]))
+
+
+def upper_part(matrix: ca.SX) -> ca.SX:
+    """Map a symmetric matrix to (xx, xy, xz, yy, yz, zz)."""
+    m = matrix
+    return ca.vertcat(m[0, 0], m[0, 1], m[0, 2], m[1, 1], m[1, 2], m[2, 2])
+
+
+def symmetric_part(matrix: ca.SX) -> ca.SX:
+    """Return ``(Z + Z^T) / 2``."""
+    return (matrix + matrix.T) / 2
+
+
+def nonstandard(inertia: ca.SX) -> ca.SX:
+    """Return ``J_d = tr(J)/2 I - J``."""
+    return ca.trace(inertia) / 2 * ca.SX.eye(3) - inertia
+
+
+def momenta(f: ca.SX, inertia: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Map the unit quaternion of a step to (m+, m-), ``2 (w J v +- v x J v)``, no cancellation."""
+    turned = inertia @ f[1:4]
+    along, across = 2 * f[0] * turned, 2 * ca.cross(f[1:4], turned)
+    return along + across, along - across
+
+
+def momentum_derivatives(f: ca.SX, inertia: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Map a step (3, 3) to D+ and D- with ``d m+- = D+- beta``.
+
+    ``D+ = tr(f J_d) I - f J_d`` and ``D- = tr(f J_d) f^T - f^T J_d f^T``.
+    """
+    a = f @ nonstandard(inertia)
+    size = ca.trace(a)
+    return size * ca.SX.eye(3) - a, (size * ca.SX.eye(3) - f.T @ nonstandard(inertia)) @ f.T
+
+
+def multiplier_matrix(after: ca.SX, before: ca.SX, inertia: ca.SX) -> ca.SX:
+    """Return Z of ``after . m+ - before . m- = -tr(Z f)``."""
+    j_d = nonstandard(inertia)
+    return j_d @ hat(after) - hat(before) @ j_d
+
+
+def left_gradient(s: ca.SX) -> ca.SX:
+    """Map ``S = f Z`` to the gradient of ``-tr(Z exp(beta) f)`` at 0, ``vee(S - S^T)``."""
+    return ca.vertcat(s[2, 1] - s[1, 2], s[0, 2] - s[2, 0], s[1, 0] - s[0, 1])
+
+
+def left_hessian(s: ca.SX) -> ca.SX:
+    """Map ``S = f Z`` to the Hessian of ``-tr(Z exp(beta) f)`` at 0, ``tr(S) I - sym(S)``."""
+    return trace_hessian(symmetric_part(s))
+
+
+def inverse_of(a: ca.SX) -> ca.SX:
+    """Return the inverse of a (3, 3) by cross products."""
+    c0, c1, c2 = ca.cross(a[:, 1], a[:, 2]), ca.cross(a[:, 2], a[:, 0]), ca.cross(a[:, 0], a[:, 1])
+    return ca.horzcat(c0, c1, c2).T / ca.dot(a[:, 0], c0)
+
+
+def entries(v: ca.SX) -> Vector:
+    """Split a vector for :mod:`manifold_mpc_ros.dynamics.scalar_form`."""
+    return v[0], v[1], v[2]
+
+
+def rows(a: ca.SX) -> Matrix:
+    """Split a matrix into its rows, likewise."""
+    return entries(a[0, :]), entries(a[1, :]), entries(a[2, :])
