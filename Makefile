@@ -69,7 +69,7 @@ $(DEPENDENCIES): setup.py .ci/constraints.txt .ci/setup
 
 # Seconds: the executables in .venv run the files of this checkout again.
 $(STAMP): $(DEPENDENCIES) setup.cfg pyproject.toml package.xml \
-        $(wildcard resource/* config/*.yaml config/*/*.yaml launch/*.py) \
+        $(wildcard resource/* config/*.yaml config/*/* launch/*.py) \
         $(shell find manifold_mpc_ros -name '*.py' -o -name py.typed)
 	@PYTHON='$(PYTHON)' .ci/setup $(VENV) package
 	@touch $@

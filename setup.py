@@ -93,6 +93,8 @@ setup(
         (f'share/{NAME}', ['package.xml']),
         (f'share/{NAME}/config', sorted(glob('config/*.yaml'))),
         (f'share/{NAME}/config/scenarios', sorted(glob('config/scenarios/*.yaml'))),
+        (f'share/{NAME}/config/chaos', sorted(glob('config/chaos/*.yaml'))),
+        (f'share/{NAME}/config/sros2', sorted(glob('config/sros2/*'))),
         (f'share/{NAME}/launch', sorted(glob('launch/*.py'))),
     ],
     cmdclass={'install_data': InstallData},

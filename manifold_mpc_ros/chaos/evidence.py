@@ -17,6 +17,10 @@ from manifold_mpc_ros.chaos.fault import CONTROLLER, Fault, Phase
 #: Commands within one step: a tick may come late and the next in time, and the end of activity
 #: has three zeros; more is a burst of ticks that had been missed.
 _MOST_IN_A_STEP = 6
+#: What the controller says of ticks that it missed.
+_MISSED = 'missed_ticks'
+#: Commands and missed ticks may differ from what was due by this many, and this part.
+_ODD_TICKS, _ODD_PART = 3.0, 0.1
 #: So many steps that the machine was late explain a mode that the fault does not.
 _EXCUSE_STEPS = 2.5
 #: Rounding that a command may be above a limit by [1].
@@ -94,6 +98,7 @@ class Verdict:
     recovery_s: float | None
     longest_gap_s: float
     burst: int
+    missed_ticks: int | None
     silent: bool
     commands: int
     non_finite: int
@@ -137,6 +142,7 @@ def _figures(seen: Evidence, limits: Limits) -> dict[str, Any]:
         'longest_gap_s': longest_gap(
             [t for t in times_s if t >= seen.begun_s], seen.begun_s, seen.closed_s),
         'burst': largest_burst(times_s, limits.step_s),
+        'missed_ticks': _missed(seen),
         'non_finite': sum(not all(map(math.isfinite, c.torque_B_n_m)) for c in seen.commands),
         'over_limit': sum(_over(c, limits.max_torque_n_m) for c in seen.commands),
     }
@@ -154,6 +160,9 @@ def _reasons(
         (figures['over_limit'] > 0, f'{figures["over_limit"]} commands were over the limit'),
         (seen.exceptions > 0, f'{seen.exceptions} unhandled exceptions'),
         (seen.tick_drift != 0, f'{seen.tick_drift:+d} commands beyond one per tick'),
+        (not expected.silent and _unaccounted(seen, figures['missed_ticks'], limits),
+         f'{_sent(seen)} commands and {figures["missed_ticks"]} ticks said to be missed are not '
+         f'all that were due in {seen.closed_s - seen.begun_s:.2f} s'),
         (figures['burst'] > _MOST_IN_A_STEP, f'{figures["burst"]} commands within one step'),
         (recovery_s is None or recovery_s > expected.recovery_s + machine_s,
          f'did not recover within {expected.recovery_s:g} s: {_last_words(seen.reports)}'),
@@ -176,6 +185,28 @@ def largest_burst(times_s: Sequence[float], step_s: float) -> int:
     """Return the most commands within the length of one step."""
     times_s = sorted(times_s)
     return max((bisect_right(times_s, t + step_s) - i for i, t in enumerate(times_s)), default=0)
+
+
+def _sent(seen: Evidence) -> int:
+    """Return the number of commands from the beginning of the fault on."""
+    return sum(seen.begun_s <= command.time_s <= seen.closed_s for command in seen.commands)
+
+
+def _missed(seen: Evidence) -> int | None:
+    """Return how many ticks the controller says that it missed; None where it does not say."""
+    said = [report.values for report in seen.reports if report.node == CONTROLLER]
+    before = seen.before.get(CONTROLLER, {}).get(_MISSED)
+    if before is None or not said or _MISSED not in said[-1]:
+        return None
+    return int(said[-1][_MISSED]) - int(before)
+
+
+def _unaccounted(seen: Evidence, missed: int | None, limits: Limits) -> bool:
+    """Whether commands and missed ticks together are clearly not what was due by the clock."""
+    if missed is None or missed < 0:  # it does not say, or was started again
+        return False
+    due = (seen.closed_s - seen.begun_s) / limits.step_s
+    return abs(_sent(seen) + missed - due) > _ODD_TICKS + _ODD_PART * due
 
 
 def _over(command: Command, limits: Sequence[float]) -> bool:

@@ -64,6 +64,7 @@ def totals(verdicts: Sequence[Verdict]) -> dict[str, Any]:
         'longest_gap_s': max((v.longest_gap_s for v in spoken), default=None),
         'largest_burst': max((v.burst for v in verdicts), default=0),
         'commands': sum(v.commands for v in verdicts),
+        'missed_ticks': sum(v.missed_ticks or 0 for v in verdicts),
         'non_finite_commands': sum(v.non_finite for v in verdicts),
         'over_limit_commands': sum(v.over_limit for v in verdicts),
         'commands_beyond_one_per_tick': sum(abs(v.tick_drift) for v in verdicts),

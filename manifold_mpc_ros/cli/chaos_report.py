@@ -68,6 +68,7 @@ def _rows(done: Done) -> list[tuple[str, str]]:
         ('longest gap between commands (s)', 'none' if gap is None else
             f'{gap:.3f} (unless their source was dead, stopped or starved)'),
         ('commands / most within a step', f'{figures["commands"]} / {figures["largest_burst"]}'),
+        ("ticks missed, by the controller's own account", f'{figures["missed_ticks"]}'),
         ('not finite / over limit',
          f'{figures["non_finite_commands"]} / {figures["over_limit_commands"]}'),
         ('beyond one per tick', f'{figures["commands_beyond_one_per_tick"]}'),

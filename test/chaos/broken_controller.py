@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import math
 import sys
+from contextlib import suppress
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 
 TORQUE_N_M = 0.3
@@ -69,7 +71,5 @@ class BrokenController(Node):
 
 if __name__ == '__main__':
     rclpy.init(args=sys.argv[2:])
-    try:
+    with suppress(KeyboardInterrupt, ExternalShutdownException):
         rclpy.spin(BrokenController(sys.argv[1]))
-    except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
-        pass

@@ -59,6 +59,8 @@ UNNOTICED = [report(10.1), report(10.2, refused_other='9'), report(10.3, node='s
     ({'commands': WITH_A_GAP}, 'no command for'),
     ({'commands': []}, 'no command for 0.700 s'),
     ({'commands': [*COMMANDS, *[Command(10.2, (0.0, 0.0, 0.0))] * 8]}, 'commands within one step'),
+    ({'before': {'controller': {'missed_ticks': '2'}},
+      'reports': [report(10.1, 'HOLD', missed_ticks='30')]}, '28 ticks said to be missed'),
     ({'tick_drift': -1}, '-1 commands beyond one per tick'),
     ({'exceptions': 2}, '2 unhandled exceptions'),
     ({'recovered_s': None}, 'did not recover within 1 s: controller NOMINAL'),
