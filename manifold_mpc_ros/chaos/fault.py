@@ -13,6 +13,8 @@ from manifold_mpc_ros.chaos.disturbances import MakeDisturbance
 
 CONTROLLER, SIMULATOR = 'controller', 'simulator'
 STATE, TORQUE, SIMULATED_TIME = 'odometry', 'torque_command', 'clock'
+#: What a topic is called behind the proxy.
+BEHIND = '_link'
 
 
 class Phase(str, Enum):

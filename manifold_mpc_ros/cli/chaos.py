@@ -164,6 +164,8 @@ def _destination(path: Path) -> Path:
 def _require_ros() -> None:
     """Say in one line that ROS 2 is missing."""
     try:
-        import rclpy  # noqa: F401
+        import manifold_mpc_ros.nodes.listener  # noqa: F401
     except ImportError as error:
-        raise ManifoldMpcError(f'ROS 2 is not available ({error})') from None
+        raise ManifoldMpcError(
+            f'chaos needs ROS 2 for Python, and {error.name or error} is not there: '
+            "pip install 'manifold_mpc_ros[ros]', or source a ROS 2 installation") from None

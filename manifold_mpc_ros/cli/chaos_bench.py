@@ -15,18 +15,21 @@ from typing import Any
 
 import yaml
 
-from manifold_mpc_ros.chaos.fault import CONTROLLER, SIMULATED_TIME, SIMULATOR, STATE, TORQUE
+from manifold_mpc_ros.chaos.fault import (
+    BEHIND,
+    CONTROLLER,
+    SIMULATED_TIME,
+    SIMULATOR,
+    STATE,
+    TORQUE,
+)
 from manifold_mpc_ros.cli.processes import NodeProcess, node_environment, reserved_domain
 from manifold_mpc_ros.config import SimulatorConfig
 from manifold_mpc_ros.config_controller import ControllerConfig
 from manifold_mpc_ros.config_tables import CONTROLLER_NAME, SIMULATOR_NAME
 from manifold_mpc_ros.config_yaml import read_parameter_file
 from manifold_mpc_ros.errors import ManifoldMpcError
-from manifold_mpc_ros.nodes.chaos_observer import Observer
-from manifold_mpc_ros.nodes.chaos_proxy import BEHIND, Proxy
-from manifold_mpc_ros.nodes.chaos_requests import Requests
 from manifold_mpc_ros.nodes.gate import NANOSECONDS
-from manifold_mpc_ros.nodes.listener import Listener
 
 NAMES = {CONTROLLER: CONTROLLER_NAME, SIMULATOR: SIMULATOR_NAME}
 #: Between two looks at everything [s].
@@ -128,6 +131,10 @@ class Bench:
 
     def __enter__(self) -> Bench:
         """Reserve a domain, start both nodes and the onlookers."""
+        from manifold_mpc_ros.nodes.chaos_observer import Observer
+        from manifold_mpc_ros.nodes.chaos_proxy import Proxy
+        from manifold_mpc_ros.nodes.chaos_requests import Requests
+        from manifold_mpc_ros.nodes.listener import Listener
         try:
             self._domain = self._stack.enter_context(reserved_domain())
             listener = Listener('chaos_proxy', self._domain)

@@ -92,7 +92,6 @@ def _spread(spread: dict[str, float] | None) -> str:
 
 def write(path: Path, kind: str, arguments: argparse.Namespace, done: Done) -> Path:
     """Write every figure as JSON; return where."""
-    from rclpy import get_rmw_implementation_identifier
     asked = {name: str(value) if isinstance(value, Path) else value
              for name, value in sorted(vars(arguments).items())
              if name not in ('run', 'verb', 'list', 'output') and value not in (None, False)}
@@ -109,7 +108,7 @@ def write(path: Path, kind: str, arguments: argparse.Namespace, done: Done) -> P
         'by_phase': summary.grouped(done.verdicts, lambda v: v.phase),
         'excused': summary.excused(done.verdicts),
         'not_survived': summary.not_survived(done.verdicts),
-        'versions': provenance.versions(get_rmw_implementation_identifier()),
+        'versions': provenance.versions(done.middleware),
         'this_machine': {
             'machine': platform.machine(), 'pairs': done.pairs,
             'elapsed_s': done.elapsed_s, 'start_of_a_pair_s': done.start_s},

@@ -37,6 +37,7 @@ class Done:
     start_s: list[float] = field(default_factory=list)
     elapsed_s: float = 0.0
     failure: str = ''
+    middleware: str = ''
 
 
 class _Pair(threading.Thread):
@@ -52,7 +53,7 @@ class _Pair(threading.Thread):
         self._results, self._stopped = results, stopped
         self.memory: list[Memory] = []
         self.start_s: list[float] = []
-        self.failure = ''
+        self.failure = self.middleware = ''
 
     def run(self) -> None:
         """Run what there is: first where time is the clock's, then where it is simulated."""
@@ -79,6 +80,7 @@ class _Pair(threading.Thread):
             begun_s = time.monotonic()
             try:
                 with bench:
+                    self.middleware = bench.listener.middleware
                     each = Trials(bench, self._plan.check(), self._seed)
                     each.settle_in()
                     self.start_s.append(time.monotonic() - begun_s)
@@ -119,6 +121,7 @@ def run_trials(
     _collect(results, done, show, 0.0)
     done.elapsed_s = time.monotonic() - begun_s
     done.failure = '; '.join(thread.failure for thread in threads if thread.failure)
+    done.middleware = threads[0].middleware
     for thread in threads:
         done.memory += thread.memory
         done.start_s += thread.start_s

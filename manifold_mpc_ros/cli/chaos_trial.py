@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-from std_srvs.srv import Trigger
 
 from manifold_mpc_ros.chaos.evidence import Evidence, Limits, Verdict, judge
 from manifold_mpc_ros.chaos.fault import CONTROLLER, SIMULATOR, Fault, OnTopic, Phase
@@ -19,7 +18,6 @@ from manifold_mpc_ros.cli.chaos_injection import injection
 from manifold_mpc_ros.config_controller import ControllerConfig
 from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.lie import so3
-from manifold_mpc_ros.nodes.chaos_requests import setpoint
 
 #: Both nodes have to be at work within this after the start [s].
 START_S = 120.0
@@ -33,8 +31,10 @@ STEADY_TICKS = 5
 FRESH_S = 0.3
 #: Reports of both nodes among which those ticks are.
 _LOOK_BACK = 40
-#: A difference between commands and ticks has to last so long to count [s].
-DRIFT_S = 1.0
+#: What a new controller had published before it knew the recorder is seen after this [s].
+DRIFT_S = 0.5
+#: A lost message is sent again after the writer's heartbeat, 3 s; the others wait for it [s].
+CATCH_UP_S = 6.0
 #: Commands are to come at least this often, or at every fifth tick [s].
 LONGEST_GAP_S = 0.25
 #: The turn of every manoeuvre is 180 degrees; these remain when a phase begins [rad].
@@ -94,7 +94,9 @@ class Trials:
         if self._wait(lambda: self._steady(seen.ended_s), patience_s) is not None:
             seen.recovered_s = self._steady_since_s
         seen.closed_s = time.monotonic()
-        seen.commands = list(observer.commands)
+        if seen.recovered_s is not None:
+            self._wait(lambda: observer.recorded_s >= seen.closed_s, CATCH_UP_S)
+        seen.commands = [c for c in observer.commands if c.time_s <= seen.closed_s]
         seen.reports = [r for r in observer.reports if r.time_s >= seen.begun_s]
         seen.troubles += [*doing.troubles, *bench.deaths]
         bench.deaths.clear()
@@ -104,7 +106,7 @@ class Trials:
             self._give_up()
         else:
             seen.tick_drift = self._tick_drift(fault.expected.surplus)
-        observer.clear()
+        observer.clear(seen.closed_s)
         if not isinstance(fault.action, OnTopic):
             self._R_ND = None  # it may have been forgotten
         return judge(seen, self.limits)
@@ -112,16 +114,18 @@ class Trials:
     def _tick_drift(self, expected: int) -> int:
         """Return by how many commands more than usual go beyond one per tick; 0 in a new life.
 
-        A message may be late by what the machine is late by, so a difference has to last.
+        A message may be late by what the machine is late by, or wait for one that is sent again,
+        so a difference has to last.
         """
         observer = self._bench.observer
         usual = observer.usual_surplus
         if usual is None:
-            self._wait(lambda: False, DRIFT_S)
+            begun_s = time.monotonic()
+            self._wait(lambda: observer.recorded_s > begun_s + DRIFT_S, CATCH_UP_S)
             observer.usual_surplus = observer.surplus
             return 0
         usual += expected
-        self._wait(lambda: observer.surplus == usual, DRIFT_S)
+        self._wait(lambda: observer.surplus == usual, CATCH_UP_S)
         observer.usual_surplus = observer.surplus
         return (observer.surplus or 0) - usual
 
@@ -177,21 +181,19 @@ class Trials:
         axis = np.array([self._draws.gauss(0.0, 1.0) for _ in range(3)])
         self._R_ND = R_NB @ so3.exp(math.pi * axis / np.linalg.norm(axis))
         w, x, y, z = map(float, so3.quaternion_from_rotation(self._R_ND))
-        message = setpoint(self._config.inertial_frame_id, x, y, z, w)
         begun_s, next_s = time.monotonic(), -math.inf
         while math.hypot(*self._bench.observer.omega_BN_B) < _MOVING_RAD_S or (
                 time.monotonic() - begun_s < SETPOINT_PERIOD_S):
             if time.monotonic() - begun_s > PHASE_S:
                 return
             if time.monotonic() >= next_s:
-                self._bench.requests.setpoints.publish(message)
+                self._bench.requests.command(self._config.inertial_frame_id, x, y, z, w)
                 next_s = time.monotonic() + SETPOINT_PERIOD_S
             self._bench.look()
 
     def _reset(self) -> None:
         """Do what an operator does about a latched fault: reset both nodes."""
-        futures = [self._bench.requests.call(Trigger, node, 'reset', Trigger.Request())
-                   for node in (SIMULATOR, CONTROLLER)]
+        futures = [self._bench.requests.reset(node) for node in (SIMULATOR, CONTROLLER)]
         self._wait(lambda: all(future.done() for future in futures), FRESH_S)
         self._R_ND = None
 

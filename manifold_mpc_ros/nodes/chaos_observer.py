@@ -5,13 +5,13 @@
 from __future__ import annotations
 
 import math
-import struct
 import time
 from bisect import bisect_right, insort
 from collections import deque
 from collections.abc import Mapping
 
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 
 from manifold_mpc_ros.chaos.cdr import ODOMETRY, WRENCH, StampedMessage
@@ -34,21 +34,23 @@ class Observer:
     """Keeps what a trial needs: everything since `clear`, and the latest of each."""
 
     def __init__(self, node: Node) -> None:
-        """Subscribe to the diagnostics; the proxy hands over the rest."""
+        """Subscribe; the proxy hands over what passes there."""
         node.create_subscription(DiagnosticArray, '/diagnostics', self._on_report, DEEP_QOS)
+        node.create_subscription(
+            WrenchStamped, f'/{TORQUE}', self._on_command, DEEP_QOS, raw=True)
         self.latest: dict[str, Report] = {}
-        self.unreadable = 0
+        self.commands: list[Command] = []
+        self.reports: list[Report] = []
         self.R_NB: FloatArray | None = None
         self.omega_BN_B: tuple[float, ...] = (0.0, 0.0, 0.0)
         self.state_s = self.command_s = -math.inf
         self._monotonic_zero_s = time.time() - time.monotonic()
         self.new_life()
-        self.clear()
 
-    def clear(self) -> None:
-        """Forget commands and reports."""
-        self.commands: list[Command] = []
-        self.reports: list[Report] = []
+    def clear(self, until_s: float = math.inf) -> None:
+        """Forget commands and reports up to a time."""
+        self.commands = [c for c in self.commands if c.time_s > until_s]
+        self.reports = [r for r in self.reports if r.time_s > until_s]
 
     def new_life(self) -> None:
         """Count the controller's commands anew: it was started again."""
@@ -70,20 +72,22 @@ class Observer:
                 return bisect_right(self._published_ns, published_ns) - ticks
         return None
 
-    def see(self, topic: str, data: bytes, published_ns: int) -> None:
-        """Take in a message that a node has published, at a time of its own clock."""
-        try:
-            if topic == TORQUE:
-                self._see_command(data, published_ns)
-            elif topic == STATE:
-                self._see_state(data)
-        except (struct.error, ValueError):
-            self.unreadable += 1
+    @property
+    def recorded_s(self) -> float:
+        """When the newest command that was recorded had been published [s]."""
+        return self.commands[-1].time_s if self.commands else -math.inf
 
-    def _see_command(self, data: bytes, published_ns: int) -> None:
-        """Keep a command."""
+    def see(self, topic: str, data: bytes) -> None:
+        """Take in what passes the proxy."""
+        if topic == TORQUE:
+            self.command_s = time.monotonic()
+        elif topic == STATE:
+            self._see_state(data)
+
+    def _on_command(self, data: bytes, info: Mapping[str, int]) -> None:
+        """Record a command; every one comes, though a lost one holds up those behind it."""
+        published_ns = info['source_timestamp']
         insort(self._published_ns, published_ns)
-        self.command_s = time.monotonic()
         published_s = published_ns / NANOSECONDS - self._monotonic_zero_s
         torque = StampedMessage.decode(data, WRENCH).part(WRENCH.vector)
         self.commands.append(Command(published_s, torque))

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import random
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 
@@ -19,19 +19,17 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
 from manifold_mpc_ros.chaos.disturbances import Channel, Disturbance
-from manifold_mpc_ros.chaos.fault import SIMULATED_TIME, STATE, TORQUE
-from manifold_mpc_ros.nodes.raw import DEEP_QOS
+from manifold_mpc_ros.chaos.fault import BEHIND, SIMULATED_TIME, STATE, TORQUE
 
 KINDS = {STATE: Odometry, TORQUE: WrenchStamped, SIMULATED_TIME: Clock}
-#: What a topic is called behind the proxy.
-BEHIND = '_link'
-#: Nothing that the proxy publishes is repeated to a reader that was slow.
+#: As the nodes read: nothing waits for a message that is lost.
+RELAY_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 PROXY_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 MISFIT_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                         durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
-#: Told (topic, bytes, time of publication [ns]) of every message that came.
-Seen = Callable[[str, bytes, int], None]
+#: Told (topic, bytes) of every message that came.
+Seen = Callable[[str, bytes], None]
 
 
 @dataclass
@@ -75,7 +73,7 @@ class Proxy:
                 Channel(seed), self._advertise(node, topic), draws=random.Random(seed))
             node.create_subscription(
                 KINDS[topic], f'/{topic}',
-                self._taker(topic), DEEP_QOS, raw=True)
+                lambda data, name=topic: self._on_message(name, data), RELAY_QOS, raw=True)
 
     def disturb(self, topic: str, disturbance: Disturbance | None) -> None:
         """Disturb a topic's messages, or let them pass again."""
@@ -120,13 +118,6 @@ class Proxy:
         """Return a publisher behind the proxy."""
         return node.create_publisher(KINDS[topic], f'/{topic}{BEHIND}', PROXY_QOS)
 
-    def _taker(self, topic: str) -> Callable[[bytes, Mapping[str, int]], None]:
-        """Return the callback of a topic."""
-        def take(data: bytes, info: Mapping[str, int]) -> None:
-            self._on_message(topic, data)
-            self._seen(topic, data, info['source_timestamp'])
-        return take
-
     def _on_message(self, topic: str, data: bytes) -> None:
         """Pass a message on, or what became of it."""
         way = self._ways[topic]
@@ -135,6 +126,7 @@ class Proxy:
         if way.intrusion is not None:
             for _, delivered in way.intrusion(data, way.draws):
                 _publish(way.intruder, delivered)
+        self._seen(topic, data)
 
 
 def _publish(publisher: Publisher | None, data: bytes) -> None:

@@ -168,7 +168,7 @@ class Requests:
         """Belong to a node."""
         self._node = node
         self._clients: dict[tuple[type, str], Any] = {}
-        self.setpoints = node.create_publisher(
+        self._setpoints = node.create_publisher(
             QuaternionStamped, '/attitude_setpoint', SETPOINT_QOS)
         self._under_way: list[Any] = []
         self._waiting: Iterator[Crafted] = iter(())
@@ -191,7 +191,7 @@ class Requests:
             return
         self._waiting = iter(())
         make = _bad_setpoint if kind == 'setpoints_bad' else _valid_setpoint
-        self._publish = lambda: self.setpoints.publish(make(draws, inertial_frame_id))
+        self._publish = lambda: self._setpoints.publish(make(draws, inertial_frame_id))
 
     def poll(self) -> None:
         """Send what may be sent now."""
@@ -211,10 +211,14 @@ class Requests:
         self.poll()
         return not self._under_way
 
-    def call(self, kind: type, target: str, name: str, request: Any) -> Any:
-        """Send one request; return the future of its answer."""
+    def reset(self, target: str) -> Any:
+        """Ask a node for its reset; return the future of the answer."""
         self._target = _NAME_OF[target]
-        return self._client(kind, name).call_async(request)
+        return self._client(Trigger, 'reset').call_async(Trigger.Request())
+
+    def command(self, frame_id: str, x: float, y: float, z: float, w: float) -> None:
+        """Publish a commanded attitude."""
+        self._setpoints.publish(setpoint(frame_id, x, y, z, w))
 
     def cease(self) -> None:
         """Publish no more setpoints."""

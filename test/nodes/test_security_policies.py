@@ -7,7 +7,7 @@ Enforcement itself is in `test_security_enforcement.py`.
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ElementTree
+import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -34,7 +34,7 @@ Rules = dict[str, set[str]]
 
 def rules(name: str) -> Rules:
     """Return the absolute names that a policy allows, by what may be done."""
-    root = ElementTree.parse(SROS2 / f'{name}.xml').getroot()
+    root = ET.parse(SROS2 / f'{name}.xml').getroot()
     assert root.tag == 'policy'
     assert root.get('version') == '0.2.0'
     enclave, = root.iter('enclave')

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The dependency direction of the modules, read from their import statements.
 
-``cli > nodes > bags > scenarios > sim > safety > mpc > problems > {theory, dynamics} > lie >
-errors``: a module imports its own layer and those below it. ``theory`` and ``dynamics`` do not
+``cli > nodes > chaos > bags > scenarios > sim > safety > mpc > problems > {theory, dynamics} >
+lie > errors``: a module imports its own layer and those below it. ``theory`` and ``dynamics`` do not
 know each other. ``config`` may import ``errors`` and ``lie``; ``dynamics`` and the layers from
 ``problems`` up may import ``config``; ``nodes`` and ``cli`` may use the package's public names.
 """
@@ -21,14 +21,14 @@ PACKAGE = 'manifold_mpc_ros'
 MODULES = sorted((TOP / PACKAGE).rglob('*.py'))
 
 LAYERS = ('errors', 'lie', 'theory', 'dynamics', 'problems', 'mpc', 'safety', 'sim', 'scenarios',
-          'bags', 'nodes', 'cli')
+          'bags', 'chaos', 'nodes', 'cli')
 MAY_IMPORT = {
     layer: set(LAYERS[:rank + 1]) | ({'config'} if rank >= LAYERS.index('dynamics') else set())
     for rank, layer in enumerate(LAYERS)
 }
 MAY_IMPORT['dynamics'].remove('theory')
 MAY_IMPORT['config'] = {'config', 'errors', 'lie'}
-MAY_IMPORT[''] = {*LAYERS, 'config'} - {'bags', 'nodes', 'cli'}  # the package's own __init__
+MAY_IMPORT[''] = {*LAYERS, 'config'} - {'bags', 'chaos', 'nodes', 'cli'}  # the package's own __init__
 MAY_IMPORT['nodes'].add('')
 MAY_IMPORT['cli'].add('')
 
