@@ -4,8 +4,11 @@
 
 from __future__ import annotations
 
-import inspect
+import os
+import signal
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 
 from manifold_mpc_ros.config_controller import ControllerConfig
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
@@ -18,11 +21,14 @@ from manifold_mpc_ros.nodes.planner import (
     solve_with,
 )
 from manifold_mpc_ros.nodes.tick import Law
+from manifold_mpc_ros.theory.design import TerminalDesign
 
 #: Part of a tick that a plan may take; then the tick goes on without it.
 SOLVER_BUDGET = 0.6
 #: Part of a tick after which the solver hands over the best that it has.
 SOLVER_TIME = 0.5
+#: A process that builds a solver in the background is this much nicer than the node.
+BUILDER_NICENESS = 10
 
 
 def law_with(
@@ -43,7 +49,26 @@ def planner_for(
     if config.lockstep:
         return DirectPlanner(solve_with(solver))
     step_s = config.mpc.step_s
-    budget = {}
-    if 'max_solve_time_s' in inspect.signature(solver.solve).parameters:
-        budget['max_solve_time_s'] = SOLVER_TIME * step_s
-    return ThreadPlanner(solve_with(solver, **budget), SOLVER_BUDGET * step_s, prepare)
+    return ThreadPlanner(
+        solve_with(solver, SOLVER_TIME * step_s), SOLVER_BUDGET * step_s, prepare)
+
+
+def designed_elsewhere(config: ControllerConfig) -> TerminalDesign:
+    """Design the terminal set and build the solver in a process of its own.
+
+    What is left to do here is to load the solver; both hold up the other threads of a process.
+    """
+    with ProcessPoolExecutor(
+            max_workers=1, mp_context=get_context('spawn'), initializer=_stand_back) as pool:
+        return pool.submit(_design, config).result()
+
+
+def _stand_back() -> None:
+    """Leave the processor to those who need it, and signals of a terminal to the parent."""
+    os.nice(BUILDER_NICENESS)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _design(config: ControllerConfig) -> TerminalDesign:
+    """Return the terminal design; the built solver stays in the cache on disk."""
+    return AttitudeMpc(config.mpc, backend=config.backend).terminal

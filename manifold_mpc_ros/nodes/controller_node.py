@@ -39,6 +39,7 @@ from manifold_mpc_ros.nodes.tick import Command, ControlLoop, Law
 from manifold_mpc_ros.nodes.timing import TickTiming
 from manifold_mpc_ros.nodes.usage import Program
 from manifold_mpc_ros.nodes.writers import WriterWatch
+from manifold_mpc_ros.theory.design import TerminalDesign
 
 #: Zero commands at the end of activity: one may be lost, three in a row hardly.
 FINAL_ZEROS = 3
@@ -76,8 +77,7 @@ class AttitudeControllerNode(ManagedNode):
         self._writers = WriterWatch()
         self._command: Command | None = None
         self._ticks = self._setpoints = 0
-        self._said: tuple[object, ...] = ()
-        self._said_s = 0.0
+        self._said: tuple[tuple[object, ...], float] = ((), 0.0)
         self._torque = self.advertise(WrenchStamped, 'torque_command')
         self._prediction = self.advertise(Path, '~/prediction')
         on_state = {'odometry': (Odometry, self._on_odometry), 'imu': (Imu, self._on_imu)}
@@ -155,17 +155,19 @@ class AttitudeControllerNode(ManagedNode):
             status.values['state_age_s'] = max(0, self._now_ns() - latest_ns) / NANOSECONDS
         return status
 
-    def make_solver(self, config: ControllerConfig) -> AttitudeMpc:
-        """Design the terminal set, and build or load the solver."""
-        return AttitudeMpc(config.mpc, backend=config.backend)
+    def make_solver(
+        self, config: ControllerConfig, terminal: TerminalDesign | None,
+    ) -> AttitudeMpc:
+        """Design the terminal set where it is not known yet, and build or load the solver."""
+        return AttitudeMpc(config.mpc, backend=config.backend, terminal=terminal)
 
-    def _build_law(self, config: ControllerConfig) -> Law:
+    def _build_law(self, config: ControllerConfig, terminal: TerminalDesign | None = None) -> Law:
         """Return what a configuration works with."""
-        return law_with(
-            self.make_solver(config), config, self._realtime.enter_solver_thread)
+        solver = self.make_solver(config, terminal)
+        return law_with(solver, config, self._realtime.enter_solver_thread)
 
     def _take_change(self) -> None:
-        """Between two ticks: work with the law of new parameters, if it is ready."""
+        """Work with the law of new parameters, if it is ready."""
         news = self._changes.take()
         if isinstance(news, ManifoldMpcError):
             self.get_logger().error(f'the old parameters stay: {news}')
@@ -249,8 +251,7 @@ class AttitudeControllerNode(ManagedNode):
             self._gate.forget()
         self._last_ns = now_ns
         self._timing.begin(now_ns / NANOSECONDS if self._simulated_time else begun_s)
-        command = self._decided(now_ns)
-        self._publish(command, begun_s)
+        self._publish(self._decided(now_ns), begun_s)
 
     def _decided(self, now_ns: int | None) -> Command:
         """Return the command of a tick, zero where an error of our own came between."""
@@ -270,15 +271,16 @@ class AttitudeControllerNode(ManagedNode):
             self._timing.end(time.monotonic() - begun_s)
         self._command = command
         self._ticks += 1
-        if command.promise is not None and command.promise.burst:
-            self.get_logger().warning(f'tick {self._ticks}: {command.promise.reason}')
+        promise = command.promise
+        if promise is not None and promise.burst:
+            self.get_logger().warning(f'tick {self._ticks}: {promise.reason}')
         self._say_what_is_new(command)
         if command.solution is not None and self._prediction.get_subscription_count() > 0:
             pointing = self._config.mpc.target == 'pointing'
+            axis_B = self._config.mpc.pointing_axis_B if pointing else np.eye(3)[0]
             self._prediction.publish(messages.to_path(
                 command.stamp_ns, self._config.mpc.step_s, command.solution.R_NB,
-                self._config.inertial_frame_id,
-                self._config.mpc.pointing_axis_B if pointing else np.eye(3)[0]))
+                self._config.inertial_frame_id, axis_B))
 
     def _say_what_is_new(self, command: Command) -> None:
         """Publish diagnostics in lockstep, when something has changed, and now and then."""
@@ -286,9 +288,9 @@ class AttitudeControllerNode(ManagedNode):
         news = (command.mode, self._setpoints, self._law,
                 promise is not None and (promise.verdict, bool(promise.warning)))
         now_s = time.monotonic()
-        quiet = news == self._said and now_s - self._said_s < DIAGNOSTICS_GAP_S
-        if self._config.lockstep or not quiet:
-            self._said, self._said_s = news, now_s
+        said, said_s = self._said
+        if self._config.lockstep or news != said or now_s - said_s >= DIAGNOSTICS_GAP_S:
+            self._said = news, now_s
             self.publish_diagnostics()
 
     def _publish_again(self, stamp_ns: int) -> None:

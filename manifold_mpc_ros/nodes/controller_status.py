@@ -67,4 +67,5 @@ def _add_promise(status: Status, command: Command) -> None:
         status.message += ' (no plan keeps the rate limits and reaches the terminal set)'
     if record.warning:
         status.level = max(status.level, DiagnosticStatus.WARN)
-        status.message = record.warning if command.mode is Mode.NOMINAL else f'{status.message}; {record.warning}'
+        before = '' if command.mode is Mode.NOMINAL else f'{status.message}; '
+        status.message = before + record.warning

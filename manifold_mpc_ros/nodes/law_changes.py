@@ -9,9 +9,11 @@ from collections.abc import Callable
 from manifold_mpc_ros.config_controller import ControllerConfig
 from manifold_mpc_ros.config_parameters import Value
 from manifold_mpc_ros.errors import ManifoldMpcError
+from manifold_mpc_ros.nodes.controller_law import designed_elsewhere
 from manifold_mpc_ros.nodes.parameters import NodeParameters
 from manifold_mpc_ros.nodes.rebuild import Rebuild
 from manifold_mpc_ros.nodes.tick import Law
+from manifold_mpc_ros.theory.design import TerminalDesign
 
 
 class LawChanges:
@@ -23,11 +25,13 @@ class LawChanges:
         The node's parameters. A set that cannot be configured is refused at once; one that can,
         but whose law cannot be built, is taken back.
     build
-        Makes a law; called in a thread.
+        Makes the law of a terminal design that is ready; called in a thread.
 
     """
 
-    def __init__(self, table: NodeParameters, build: Callable[[ControllerConfig], Law]) -> None:
+    def __init__(
+        self, table: NodeParameters, build: Callable[[ControllerConfig, TerminalDesign], Law],
+    ) -> None:
         """Take new sets of parameters from now on."""
         self._table = table
         self._build = build
@@ -63,4 +67,5 @@ class LawChanges:
     def _request(self, values: dict[str, Value]) -> None:
         """Build what a set of parameters asks for."""
         config = ControllerConfig.from_parameters(values)
-        self._rebuild.request(lambda: (values, config, self._build(config)))
+        self._rebuild.request(
+            lambda: (values, config, self._build(config, designed_elsewhere(config))))

@@ -62,7 +62,8 @@ class Solver(Protocol):
     """What is needed of `AttitudeMpc`."""
 
     def solve(
-        self, R_NB: FloatArray, omega_BN_B: FloatArray, R_ND: FloatArray | None = None,
+        self, R_NB: FloatArray, omega_BN_B: FloatArray, R_ND: FloatArray | None = None, *,
+        max_solve_time_s: float | None = None,
     ) -> AttitudeMpcSolution:
         """Return the optimal torques from a measured state to the commanded attitude."""
 
@@ -70,12 +71,13 @@ class Solver(Protocol):
         """Forget the warm start."""
 
 
-def solve_with(solver: Solver, **budget: float) -> Solve:
-    """Return the function that answers questions with a solver, within its own budget."""
+def solve_with(solver: Solver, max_solve_time_s: float | None = None) -> Solve:
+    """Return the function that answers questions with a solver, in its own time or in this."""
     def solve(question: Question) -> AttitudeMpcSolution:
         if question.cold:
             solver.reset()
-        return solver.solve(question.R_NB, question.omega_BN_B, question.R_ND, **budget)
+        return solver.solve(question.R_NB, question.omega_BN_B, question.R_ND,
+                            max_solve_time_s=max_solve_time_s)
 
     return solve
 

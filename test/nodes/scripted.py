@@ -48,8 +48,10 @@ class Script:
         self.resets += 1
 
     def solve(
-        self, R_NB: np.ndarray, omega_BN_B: np.ndarray, R_ND: np.ndarray | None = None,
+        self, R_NB: np.ndarray, omega_BN_B: np.ndarray, R_ND: np.ndarray | None = None, *,
+        max_solve_time_s: float | None = None,
     ) -> AttitudeMpcSolution:
+        self.budget_s = max_solve_time_s
         if self.error is not None:
             raise self.error
         self.setpoints.append(R_ND)
