@@ -32,6 +32,7 @@ QUICK = (
     'state-random-bytes', 'state-truncated', 'torque-nan', 'torque-lost', 'torque-dead-axis',
     'torque-second-publisher', 'torque-flipped-bits', 'controller-parameters-malformed',
     'controller-parameters-hostile', 'parameters-atomic', 'controller-lifecycle-invalid',
+    'controller-cycled',
     'setpoints-bad', 'torque-misfit', 'controller-datagrams', 'controller-killed',
     'simulator-killed', 'controller-terminated', 'controller-stopped', 'simulator-stopped',
     'controller-bad-start', 'hogs', 'clock-stops', 'clock-back')

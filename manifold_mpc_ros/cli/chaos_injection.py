@@ -28,12 +28,13 @@ _DATAGRAMS = 5
 
 
 class Injection:
-    """One fault at work on a bench; ``troubles`` is what went wrong on the way."""
+    """One fault at work on a bench; what went wrong on the way, or took too long."""
 
     def __init__(self, bench: Bench, duration_s: float) -> None:
         """Keep the bench."""
         self.bench, self.duration_s = bench, duration_s
         self.troubles: list[str] = []
+        self.delays: list[str] = []
 
     def run(self) -> None:
         """Do it, for as long as it lasts."""
@@ -116,7 +117,7 @@ class _Signal(Injection):
             self.bench.look()
         status, wanted = self._process.exit_status, self._action.exit_status
         if status is None:
-            self.troubles.append(f'did not end within {END_S:g} s of {self._action.number.name}')
+            self.delays.append(f'did not end within {END_S:g} s of {self._action.number.name}')
             self._process.send(signal.SIGKILL)
             self._process.wait()
         elif wanted is not None and status != wanted:
@@ -197,7 +198,7 @@ class _Requests(Injection):
         until_s = time.monotonic() + ANSWER_S
         while not requests.ready(action.node, action.kind):
             if time.monotonic() > until_s:
-                self.troubles.append('its services could not be found')
+                self.delays.append('its services could not be found')
                 return
             self.bench.look()
         bench = self.bench
@@ -214,7 +215,7 @@ class _Requests(Injection):
             if self.bench.life(self._action.node) is not life:
                 return  # it died of them
             if time.monotonic() > until_s:
-                self.troubles.append(f'requests were not answered within {ANSWER_S:g} s')
+                self.delays.append(f'requests were not answered within {ANSWER_S:g} s')
                 return
             self.bench.look()
 

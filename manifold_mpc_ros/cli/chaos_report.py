@@ -63,6 +63,7 @@ def _rows(done: Done) -> list[tuple[str, str]]:
         ('faults injected / survived',
          f'{figures["faults_injected"]} / {figures["faults_survived"]}'),
         ('of these late by the machine alone', f'{figures["excused_by_the_machine"]}'),
+        ('trials void and repeated, the machine being too slow', f'{len(done.voided)}'),
         ('detection, median / longest (s)', _spread(figures['detection_s'])),
         ('recovery, median / longest (s)', _spread(figures['recovery_s'])),
         ('longest gap between commands (s)', 'none' if gap is None else
@@ -106,6 +107,7 @@ def write(path: Path, kind: str, arguments: argparse.Namespace, done: Done) -> P
         'by_row': summary.grouped(done.verdicts, lambda v: v.row),
         'by_fault': summary.grouped(done.verdicts, lambda v: v.fault),
         'by_phase': summary.grouped(done.verdicts, lambda v: v.phase),
+        'voided': [asdict(verdict) for verdict in done.voided],
         'excused': summary.excused(done.verdicts),
         'not_survived': summary.not_survived(done.verdicts),
         'versions': provenance.versions(done.middleware),

@@ -22,6 +22,8 @@ from manifold_mpc_ros.errors import ManifoldMpcError
 
 #: Told of every verdict, with what is being done now.
 Show = Callable[[list[Verdict]], None]
+#: A trial in which the machine took too much time away is repeated, this often in all.
+MOST_ATTEMPTS = 5
 #: Between two looks for verdicts [s].
 _LOOK_S = 0.2
 
@@ -34,6 +36,7 @@ class Done:
     pairs: int
     verdicts: list[Verdict] = field(default_factory=list)
     memory: list[Memory] = field(default_factory=list)
+    voided: list[Verdict] = field(default_factory=list)
     start_s: list[float] = field(default_factory=list)
     elapsed_s: float = 0.0
     failure: str = ''
@@ -52,6 +55,7 @@ class _Pair(threading.Thread):
         self._plan, self._trials, self._seed = plan, trials, seed + number
         self._results, self._stopped = results, stopped
         self.memory: list[Memory] = []
+        self.voided: list[Verdict] = []
         self.start_s: list[float] = []
         self.failure = self.middleware = ''
 
@@ -72,6 +76,15 @@ class _Pair(threading.Thread):
             if self.failure:
                 self._stopped.set()
 
+    def _run_one(self, each: Trials, trial: Trial) -> None:
+        """Run a trial, again while the machine lets it say nothing."""
+        for attempt in range(1, MOST_ATTEMPTS + 1):
+            verdict = each.run(trial.fault, trial.phase, trial.seed)
+            if not verdict.void or attempt == MOST_ATTEMPTS:
+                self._results.put(verdict)
+                return
+            self.voided.append(verdict)
+
     def _run_on_bench(self, trials: deque[Trial], simulated_time: bool) -> None:
         """Start a bench and run trials on it until none is left."""
         with tempfile.TemporaryDirectory(prefix='manifold-mpc-chaos-') as folder:
@@ -87,7 +100,7 @@ class _Pair(threading.Thread):
                     begun_s = time.monotonic()
                     while (trial := _taken(trials)) is not None:
                         each.rest(begun_s + trial.at_s)
-                        self._results.put(each.run(trial.fault, trial.phase, trial.seed))
+                        self._run_one(each, trial)
             finally:
                 for node, lives in bench.lives.items():
                     longest = max(lives, key=lambda life: len(life.memory), default=None)
@@ -124,6 +137,7 @@ def run_trials(
     done.middleware = threads[0].middleware
     for thread in threads:
         done.memory += thread.memory
+        done.voided += thread.voided
         done.start_s += thread.start_s
     return done
 

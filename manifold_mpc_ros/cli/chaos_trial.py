@@ -11,8 +11,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from manifold_mpc_ros.chaos.evidence import Evidence, Limits, Verdict, judge
+from manifold_mpc_ros.chaos.evidence import Evidence, Limits, Verdict
 from manifold_mpc_ros.chaos.fault import CONTROLLER, SIMULATOR, Fault, OnTopic, Phase
+from manifold_mpc_ros.chaos.judge import judge
 from manifold_mpc_ros.cli.chaos_bench import NAMES, Bench
 from manifold_mpc_ros.cli.chaos_injection import injection
 from manifold_mpc_ros.config_controller import ControllerConfig
@@ -20,7 +21,7 @@ from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.lie import so3
 
 #: Both nodes have to be at work within this after the start [s].
-START_S = 120.0
+START_S = 180.0
 #: A manoeuvre reaches each of its phases within this [s].
 PHASE_S = 20.0
 #: A setpoint is published again after this, until the manoeuvre has begun [s].
@@ -84,7 +85,7 @@ class Trials:
         seen = Evidence(fault, phase, seed, time.monotonic(), before={
             node: report.values for node, report in observer.latest.items()})
         if not reached:
-            seen.troubles.append(f'the manoeuvre did not come to its phase {phase.value}')
+            seen.delays.append(f'the manoeuvre did not come to its phase {phase.value}')
         doing = injection(bench, fault, seed)
         doing.run()
         seen.ended_s = time.monotonic()
@@ -99,6 +100,7 @@ class Trials:
         seen.commands = [c for c in observer.commands if c.time_s <= seen.closed_s]
         seen.reports = [r for r in observer.reports if r.time_s >= seen.begun_s]
         seen.troubles += [*doing.troubles, *bench.deaths]
+        seen.delays += doing.delays
         bench.deaths.clear()
         seen.late_s, seen.starved_s = bench.late_s, bench.starved_s
         seen.exceptions = bench.tracebacks()

@@ -103,7 +103,7 @@ class AttitudeControllerNode(ManagedNode):
         self.reset()
         if self._law.monitor is not None:
             self._law.monitor.clear()
-        self._loop.logic.paused = False
+        self._loop.logic.start()
         self._realtime.enter()
         if self._realtime.refusal:
             self.get_logger().warning(self._realtime.refusal)

@@ -98,8 +98,14 @@ class ModeLogic:
         self._good = 0
         self._restarted = False
 
+    def start(self) -> None:
+        """Begin to act, after an end too: wait for the first state, not paused."""
+        self._stopping = False
+        self.paused = False
+        self.reset()
+
     def stop(self) -> None:
-        """Command zero from now on."""
+        """Command zero from now on, until the next start."""
         self._stopping = True
 
     def fault(self, reason: str) -> None:

@@ -11,8 +11,9 @@ import pytest
 
 from manifold_mpc_ros.chaos import summary
 from manifold_mpc_ros.chaos.disturbances import lost
-from manifold_mpc_ros.chaos.evidence import Command, Evidence, Limits, Report, judge
+from manifold_mpc_ros.chaos.evidence import Command, Evidence, Limits, Report
 from manifold_mpc_ros.chaos.fault import STATE, Expectation, Fault, OnTopic, Phase
+from manifold_mpc_ros.chaos.judge import judge
 
 STEP_S = 0.02
 LIMITS = Limits((1.0, 1.0, 1.0), STEP_S, 0.25)
@@ -61,7 +62,7 @@ UNNOTICED = [report(10.1), report(10.2, refused_other='9'), report(10.3, node='s
     ({'commands': [*COMMANDS, *[Command(10.2, (0.0, 0.0, 0.0))] * 8]}, 'commands within one step'),
     ({'before': {'controller': {'missed_ticks': '2'}},
       'reports': [report(10.1, 'HOLD', missed_ticks='30')]}, '28 ticks said to be missed'),
-    ({'tick_drift': -1}, '-1 commands beyond one per tick'),
+    ({'tick_drift': -1}, '1 ticks without a command'),
     ({'exceptions': 2}, '2 unhandled exceptions'),
     ({'recovered_s': None}, 'did not recover within 1 s: controller NOMINAL'),
     ({'recovered_s': 11.6}, 'did not recover within 1 s'),
@@ -98,6 +99,16 @@ def test_what_the_machine_was_late_by_is_an_excuse_that_is_said() -> None:
         assert len(verdict.excused) == 1
     for changes in ({'tick_drift': 1}, {'exceptions': 1}, {'recovered_s': None}):
         assert not judge(evidence(**changes, late_s=9.0, starved_s=9.0), LIMITS).survived
+
+
+def test_a_fault_is_void_when_the_machine_took_its_time_away() -> None:
+    starved = {'recovered_s': None, 'starved_s': 0.3}
+    assert judge(evidence(**starved), LIMITS).void
+    assert not judge(evidence(recovered_s=None, starved_s=0.01), LIMITS).void
+    assert not judge(evidence(starved_s=0.3), LIMITS).void  # it was survived
+    for wrong in ({'exceptions': 1}, {'tick_drift': 2}, {'troubles': ['it died']},
+                  {'commands': [*COMMANDS, Command(10.7, (math.nan,) * 3)]}):
+        assert not judge(evidence(**starved, **wrong), LIMITS).void
 
 
 def test_totals_and_groups() -> None:

@@ -3,8 +3,8 @@
 """The dependency direction of the modules, read from their import statements.
 
 ``cli > nodes > chaos > bags > scenarios > sim > safety > mpc > problems > {theory, dynamics} >
-lie > errors``: a module imports its own layer and those below it. ``theory`` and ``dynamics`` do not
-know each other. ``config`` may import ``errors`` and ``lie``; ``dynamics`` and the layers from
+lie > errors``: a module imports its own layer and those below it. ``theory`` and ``dynamics`` do
+not know each other. ``config`` may import ``errors`` and ``lie``; ``dynamics`` and the layers from
 ``problems`` up may import ``config``; ``nodes`` and ``cli`` may use the package's public names.
 """
 
@@ -28,7 +28,8 @@ MAY_IMPORT = {
 }
 MAY_IMPORT['dynamics'].remove('theory')
 MAY_IMPORT['config'] = {'config', 'errors', 'lie'}
-MAY_IMPORT[''] = {*LAYERS, 'config'} - {'bags', 'chaos', 'nodes', 'cli'}  # the package's own __init__
+# the package's own __init__
+MAY_IMPORT[''] = {*LAYERS, 'config'} - {'bags', 'chaos', 'nodes', 'cli'}
 MAY_IMPORT['nodes'].add('')
 MAY_IMPORT['cli'].add('')
 
