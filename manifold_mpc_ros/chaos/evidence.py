@@ -38,9 +38,9 @@ class Evidence:
     """Everything seen from the beginning of a fault until the recovery, or its bound.
 
     ``troubles`` and ``delays`` were seen while it was injected; a slow machine explains the
-    latter. Commands are all since the end of the last fault. Times are of one clock that never goes back
-    [s]. The machine was late by ``late_s`` in the observing process, and had a thread of a node
-    wait for a processor for ``starved_s`` in all.
+    latter. Commands are all since the end of the last fault. Times are of one clock that never
+    goes back [s]. The machine was late by ``late_s`` in the observing process, and had a thread
+    of a node wait for a processor for ``starved_s`` in all.
     """
 
     fault: Fault
