@@ -5,7 +5,7 @@
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help setup test lint types pytest demo figures clean
+.PHONY: help setup test lint types pytest coverage demo figures clean
 
 # The first that runs; the ROS wheels are tested with 3.11. Override with PYTHON=...
 PYTHON ?= $(firstword $(foreach p,python3.11 python3,$(shell $(p) -c '' 2> /dev/null && echo $(p))))
@@ -50,6 +50,15 @@ types: $(STAMP)  ## Run mypy
 
 pytest: $(STAMP)  ## Run the tests alone
 	@$(BIN)/python -m pytest --timeout=300 -n $(TEST_WORKERS) --dist loadfile $(PYTEST_ARGS)
+
+# What decides in the nodes, and the tests of it that need no ROS.
+DECIDES := manifold_mpc_ros/safety/*,manifold_mpc_ros/nodes/gate.py,manifold_mpc_ros/nodes/tick.py
+DECIDES_TESTS := test/safety test/nodes/test_gate.py test/nodes/test_gate_properties.py \
+    test/nodes/test_tick.py test/nodes/test_tick_faults.py test/nodes/test_tick_promise.py
+coverage: $(STAMP)  ## Branch coverage of the mode logic and the gates; fails below 95 %
+	@COVERAGE_FILE=build/coverage $(BIN)/python -m coverage run --branch \
+		--include='$(DECIDES)' -m pytest -q $(DECIDES_TESTS) $(PYTEST_ARGS)
+	@COVERAGE_FILE=build/coverage $(BIN)/python -m coverage report --fail-under=95
 
 demo: $(STAMP)  ## Close the loop over DDS: a 180 degree slew with two processes
 	@$(BIN)/manifold-mpc demo $(DEMO_ARGS)

@@ -15,6 +15,7 @@ from launch_ros.substitutions import FindPackageShare
 from launch import LaunchDescription
 
 PACKAGE = 'manifold_mpc_ros'
+RESPAWN_DELAY_S = 0.5
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -35,13 +36,18 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument(
             'with_simulator', default_value='true',
             description='start the simulated spacecraft too'),
+        DeclareLaunchArgument(
+            'respawn', default_value='false',
+            description='start a node again when it has ended'),
         Node(
             package=PACKAGE, executable='controller', output='screen',
+            respawn=LaunchConfiguration('respawn'), respawn_delay=RESPAWN_DELAY_S,
             namespace=LaunchConfiguration('namespace'),
             parameters=[LaunchConfiguration('controller_params'),
                         {'use_sim_time': simulated_time}]),
         Node(
             package=PACKAGE, executable='simulator', output='screen',
+            respawn=LaunchConfiguration('respawn'), respawn_delay=RESPAWN_DELAY_S,
             namespace=LaunchConfiguration('namespace'),
             parameters=[LaunchConfiguration('simulator_params'),
                         {'timing.publish_clock': simulated_time}],

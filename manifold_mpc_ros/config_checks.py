@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import math
 import numbers
 from collections.abc import Sequence
 from typing import Any
@@ -19,21 +18,25 @@ FloatArray = npt.NDArray[np.float64]
 #: Relative tolerance on symmetry, and relative margin that 'positive definite' asks for.
 SYMMETRY_TOLERANCE = 1e-9
 DEFINITENESS_MARGIN = 1e-12
+# Beyond this size, or its inverse, products of a few numbers are no numbers any more.
+LARGEST = 1e60
 
 
 def number(key: str, value: object, valid: str = 'a finite number') -> float:
     """Return ``value`` as a finite float; booleans and text are not numbers."""
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
         raise ConfigurationError(key, value, valid)
-    result = float(value)
-    if not math.isfinite(result):
+    if not -LARGEST <= value <= LARGEST:  # no NaN either
         raise ConfigurationError(key, value, valid)
-    return result
+    return float(value)
 
 
 def positive(key: str, value: object) -> float:
     """Return ``value`` as a finite float above zero."""
-    return _number_above(key, value, 0.0, strict=True)
+    result = _number_above(key, value, 0.0, strict=True)
+    if result < 1.0 / LARGEST:
+        raise ConfigurationError(key, value, 'a number above 0')
+    return result
 
 
 def non_negative(key: str, value: object) -> float:
@@ -74,7 +77,8 @@ def array(key: str, value: object, valid: str, *, infinite: bool = False) -> Flo
     if raw.dtype.kind not in 'iuf':
         raise ConfigurationError(key, value, valid)
     result = raw.astype(np.float64)
-    if np.isnan(result).any() or (not infinite and not np.isfinite(result).all()):
+    too_large = np.abs(result) > LARGEST
+    if np.isnan(result).any() or (too_large & ~(infinite & np.isinf(result))).any():
         raise ConfigurationError(key, value, valid + ', all of them finite')
     return result
 

@@ -60,7 +60,8 @@ def test_arguments(entities: list[Recorded]) -> None:
     declared = {entity.args[0]: entity.kwargs for entity in entities
                 if entity.name == 'DeclareLaunchArgument'}
     assert set(declared) == {
-        'namespace', 'controller_params', 'simulator_params', 'use_sim_time', 'with_simulator'}
+        'namespace', 'controller_params', 'simulator_params', 'use_sim_time', 'with_simulator',
+        'respawn'}
     assert all(kwargs['description'] for kwargs in declared.values())
     for name, file in [('controller_params', 'controller'), ('simulator_params', 'simulator')]:
         share, folder, yaml = declared[name]['default_value'].args[0]
@@ -75,6 +76,7 @@ def test_nodes(entities: list[Recorded]) -> None:
     for executable, kwargs in nodes.items():
         assert kwargs['package'] == 'manifold_mpc_ros'
         assert kwargs['namespace'].args[0] == 'namespace'
+        assert (kwargs['respawn'].args[0], kwargs['respawn_delay']) == ('respawn', 0.5)
         assert kwargs['parameters'][0].args[0] == f'{executable}_params'
     assert nodes['simulator']['condition'].args[0].args[0] == 'with_simulator'
     assert 'condition' not in nodes['controller']

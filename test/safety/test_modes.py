@@ -140,6 +140,17 @@ def test_the_end_is_final() -> None:
     assert not logic.wants_plan(0)
 
 
+def test_a_start_after_the_end_waits_anew() -> None:
+    logic = logic_with_state()
+    logic.paused = True
+    logic.fault('first')
+    logic.stop()
+    logic.start()
+    assert logic.wants_plan(0)
+    assert logic.decide(Facts(None)).mode is Mode.WAIT
+    assert logic.decide(GOOD).mode is Mode.NOMINAL
+
+
 class Histories(RuleBasedStateMachine):
     """Whatever happens in whatever order, beside a model that only remembers what came."""
 
@@ -172,6 +183,13 @@ class Histories(RuleBasedStateMachine):
     def stop(self) -> None:
         self.logic.stop()
         self.stopped = True
+
+    @rule()
+    def start(self) -> None:
+        self.logic.start()
+        self.stopped = False
+        self.faulted = self.lost = self.restarted = False
+        self.states = self.errors = 0
 
     @rule(paused=st.booleans())
     def pause(self, paused: bool) -> None:
