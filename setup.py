@@ -39,6 +39,7 @@ TEST = [
     'colcon-python-setup-py',
     'colcon-recursive-crawl',
     'colcon-ros',
+    'cyclonedds',
     'coverage',
     'empy==3.3.4',
     'hypothesis',
