@@ -20,6 +20,7 @@ RUNTIME = [
     'casadi>=3.6.5',
     'matplotlib>=3.6',
     'numpy>=1.26',
+    'pyarrow>=14',
     'python-flint>=0.7',
     'pyyaml>=6.0',
     'rich>=13',
@@ -32,6 +33,7 @@ ROS = [
     'ros-jazzy-rclpy',
     'ros-jazzy-rmw-fastrtps-cpp',
 ]
+CLUSTER = ['distributed>=2024.1']
 TEST = [
     'catkin-pkg',
     'colcon-core',
@@ -94,6 +96,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
         (f'share/{NAME}/config', sorted(glob('config/*.yaml'))),
+        (f'share/{NAME}/config/campaigns', sorted(glob('config/campaigns/*.yaml'))),
         (f'share/{NAME}/config/scenarios', sorted(glob('config/scenarios/*.yaml'))),
         (f'share/{NAME}/config/chaos', sorted(glob('config/chaos/*.yaml'))),
         (f'share/{NAME}/config/sros2', sorted(glob('config/sros2/*'))),
@@ -103,7 +106,7 @@ setup(
     cmdclass={'install_data': InstallData},
     python_requires='>=3.10',
     install_requires=RUNTIME,
-    extras_require={'ros': ROS, 'test': TEST},
+    extras_require={'cluster': CLUSTER, 'ros': ROS, 'test': CLUSTER + TEST},
     entry_points={'console_scripts': [f'{name} = {main}' for name, main in EXECUTABLES.items()]},
     zip_safe=False,
 )

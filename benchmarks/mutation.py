@@ -1,6 +1,6 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Mutation testing of what decides in the nodes: does a test fail for every small mistake in it?
+"""Mutation testing of what decides in the nodes: each small mistake has to make a test fail.
 
 One mutant at a time: a comparison, a Boolean operator, a sign, a number, a condition or a whole
 assignment or call is changed; its unit tests (not the drawn properties, so a mutant that lives
@@ -16,6 +16,7 @@ import ast
 import copy
 import json
 import os
+import signal
 import sys
 import types
 from collections.abc import Iterator
@@ -25,11 +26,13 @@ import pytest
 
 TOP = Path(__file__).parents[1]
 SUITES = {
-    'manifold_mpc_ros/safety/modes.py': ['test/safety/test_modes.py'],
+    'manifold_mpc_ros/safety/modes.py': [
+        'test/safety/test_modes.py', 'test/safety/test_held_plan.py'],
     'manifold_mpc_ros/safety/output.py': ['test/safety/test_output.py'],
     'manifold_mpc_ros/nodes/gate.py': ['test/nodes/test_gate.py'],
 }
-PROPERTIES = ('not Histories and not whatever and not direction_is_kept and not no_step_is')
+UNIT_TESTS = ('not Histories and not whatever and not direction_is_kept and not no_step_is '
+              'and not nearest_to')
 #: A mutant whose tests take longer than this has made them hang [s].
 PATIENCE_S = 60
 LOADED = ('numpy', 'hypothesis', 'hypothesis.stateful', 'manifold_mpc_ros.lie.so3',
@@ -60,16 +63,16 @@ def changes(node: ast.AST) -> Iterator[tuple[str, ast.AST]]:
     elif isinstance(other, ast.Constant) and isinstance(other.value, (bool, int, float)):
         other.value = not other.value if isinstance(other.value, bool) else other.value + 1
         yield 'constant', other
-    elif isinstance(other, (ast.Assign, ast.AnnAssign)) and _is_own(other):
-        yield 'left out', ast.Pass()
-    elif isinstance(other, ast.Expr) and isinstance(other.value, ast.Call):
+    elif _acts(other):
         yield 'left out', ast.Pass()
 
 
-def _is_own(node: ast.Assign | ast.AnnAssign) -> bool:
-    """Whether an assignment sets an attribute of self."""
-    target = node.targets[0] if isinstance(node, ast.Assign) else node.target
-    return isinstance(target, ast.Attribute)
+def _acts(node: ast.AST) -> bool:
+    """Whether a statement calls something or sets an attribute: it can be left out."""
+    if isinstance(node, (ast.Assign, ast.AnnAssign)):
+        target = node.targets[0] if isinstance(node, ast.Assign) else node.target
+        return isinstance(target, ast.Attribute)
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Call)
 
 
 class Place(ast.NodeTransformer):
@@ -101,9 +104,14 @@ def visited(tree: ast.AST) -> list[ast.AST]:
 
 
 def mutants(source: str) -> Iterator[tuple[int, str, ast.AST]]:
-    """Yield line, kind and tree of every mutant of a module."""
+    """Yield line, kind and tree of every mutant of a module; decorators decide nothing."""
     tree = ast.parse(source)
+    decorators = {id(part) for node in ast.walk(tree)
+                  for decorator in getattr(node, 'decorator_list', [])
+                  for part in ast.walk(decorator)}
     for number, node in enumerate(visited(tree)):
+        if id(node) in decorators:
+            continue
         for kind, changed in changes(node):
             mutant = Place(number, changed).visit(copy.deepcopy(tree))
             yield getattr(node, 'lineno', 0), kind, ast.fix_missing_locations(mutant)
@@ -117,7 +125,6 @@ def survives(path: str, tree: ast.AST) -> bool:
         return status == 0
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     os.dup2(1, 2)
-    import signal
     signal.alarm(PATIENCE_S)
     try:
         name = path.removesuffix('.py').replace('/', '.')
@@ -125,7 +132,7 @@ def survives(path: str, tree: ast.AST) -> bool:
         module.__file__ = str(TOP / path)
         sys.modules[name] = module
         exec(compile(tree, path, 'exec'), module.__dict__)  # noqa: S102  (a mutant of our own)
-        status = pytest.main(['-x', '-q', '-p', 'no:cacheprovider', '-k', PROPERTIES,
+        status = pytest.main(['-x', '-q', '-p', 'no:cacheprovider', '-k', UNIT_TESTS,
                               *(str(TOP / suite) for suite in SUITES[path])])
     except BaseException:  # noqa: BLE001  (a mutant that does not even load is found)
         status = 1

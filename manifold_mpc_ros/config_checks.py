@@ -26,7 +26,8 @@ def number(key: str, value: object, valid: str = 'a finite number') -> float:
     """Return ``value`` as a finite float; booleans and text are not numbers."""
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
         raise ConfigurationError(key, value, valid)
-    if not -LARGEST <= value <= LARGEST:  # no NaN either
+    size: Any = abs(value)  # an integer may be too large for a float
+    if not size <= LARGEST:  # no NaN either
         raise ConfigurationError(key, value, valid)
     return float(value)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,9 +44,9 @@ class Damping:
     def reset(self) -> None:
         self.ticks, self.resets = 0, self.resets + 1
 
-    def solve(self, R_NB: Array, omega_BN_B: Array) -> Answer:
+    def solve(self, R_NB: Array, omega_BN_B: Array, R_ND: Array) -> Answer:
         self.ticks += 1
-        phi = so3.log(R_NB)
+        phi = so3.log(so3.attitude_error_B(R_ND, R_NB))
         turn = so3.exp(np.linspace(0.0, -1.0, PLANNED)[:, None] * phi)
         return Answer(-self.gain * phi - 1.2 * omega_BN_B, R_NB @ turn,
                       cost=1e3 * float(phi @ phi + omega_BN_B @ omega_BN_B) + 100.0 / self.ticks,
@@ -55,10 +56,10 @@ class Damping:
 class Undecided(Damping):
     """Applies nothing and plans to turn the other way at every tick."""
 
-    def solve(self, R_NB: Array, omega_BN_B: Array) -> Answer:
-        answer = super().solve(R_NB, omega_BN_B)
+    def solve(self, R_NB: Array, omega_BN_B: Array, R_ND: Array) -> Answer:
+        answer = super().solve(R_NB, omega_BN_B, R_ND)
         if self.ticks % 2:
-            phi = so3.log(R_NB)
+            phi = so3.log(so3.attitude_error_B(R_ND, R_NB))
             other = phi * (1.0 - 2.0 * np.pi / np.linalg.norm(phi))
             answer.R_NB = R_NB @ so3.exp(np.linspace(0.0, -1.0, PLANNED)[:, None] * other)
         return replace(answer, torque_B_n_m=np.zeros(3))
@@ -67,10 +68,10 @@ class Undecided(Damping):
 class Thrower(Damping):
     """Raises at its third case."""
 
-    def solve(self, R_NB: Array, omega_BN_B: Array) -> Answer:
+    def solve(self, R_NB: Array, omega_BN_B: Array, R_ND: Array) -> Answer:
         if self.resets == 3:
             raise ValueError('the third is too much')
-        return super().solve(R_NB, omega_BN_B)
+        return super().solve(R_NB, omega_BN_B, R_ND)
 
 
 class Dying(Damping):
@@ -78,6 +79,17 @@ class Dying(Damping):
 
     def reset(self) -> None:
         os._exit(3)
+
+
+class DyingOnce(Damping):
+    """Ends its process at its second case, the first time of all."""
+
+    def reset(self) -> None:
+        super().reset()
+        mark = Path(os.environ['DYING_ONCE_MARK'])
+        if self.resets == 2 and not mark.exists():
+            mark.touch()
+            os._exit(3)
 
 
 class FlippedFirst:
@@ -90,8 +102,8 @@ class FlippedFirst:
         self.mpc.reset()
         self.first = True
 
-    def solve(self, R_NB: Array, omega_BN_B: Array) -> AttitudeMpcSolution:
-        answer = self.mpc.solve(R_NB, omega_BN_B)
+    def solve(self, R_NB: Array, omega_BN_B: Array, R_ND: Array) -> AttitudeMpcSolution:
+        answer = self.mpc.solve(R_NB, omega_BN_B, R_ND)
         sign, self.first = -1.0 if self.first else 1.0, False
         return replace(answer, torque_B_n_m=sign * answer.torque_B_n_m)
 
@@ -106,6 +118,10 @@ def make_undecided(_config: AttitudeMpcConfig, _backend: str) -> Undecided:
 
 def make_thrower(_config: AttitudeMpcConfig, _backend: str) -> Thrower:
     return Thrower()
+
+
+def make_dying_once(_config: AttitudeMpcConfig, _backend: str) -> DyingOnce:
+    return DyingOnce()
 
 
 def make_dying(_config: AttitudeMpcConfig, _backend: str) -> Dying:

@@ -124,8 +124,8 @@ def _missed(seen: Evidence) -> int | None:
     """Return how many ticks the controller says that it missed; None where it does not say."""
     said = [report.values for report in seen.reports if report.node == CONTROLLER]
     before = seen.before.get(CONTROLLER, {}).get(_MISSED)
-    if before is None or not said or _MISSED not in said[-1]:
-        return None
+    if before is None or not said or _MISSED not in said[-1] or seen.fault.simulated_time:
+        return None  # where time itself is disturbed, so is what was due
     return int(said[-1][_MISSED]) - int(before)
 
 

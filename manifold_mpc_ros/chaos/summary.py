@@ -16,7 +16,7 @@ from manifold_mpc_ros.chaos.evidence import Verdict
 #: The first minute of a process is start-up: caches fill, modules load [s].
 WARM_UP_S = 60.0
 #: A slope over less than this says nothing [s].
-SHORTEST_SLOPE_S = 60.0
+SHORTEST_SLOPE_S = 240.0
 _KIB = 1024.0
 
 

@@ -1,90 +1,75 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The verb ``campaign``: thousands of closed loops, and what the theory forbids counted."""
+"""The verb ``campaign``: thousands of closed loops drawn from a file, judged, and tabulated."""
 
 from __future__ import annotations
 
 import argparse
-import math
 import os
+import re
+import signal
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
+from manifold_mpc_ros.campaigns.case import CaseName, all_names
+from manifold_mpc_ros.campaigns.plan import CampaignPlan
 from manifold_mpc_ros.cli import arguments as shared
-from manifold_mpc_ros.config_controller import ControllerConfig
 from manifold_mpc_ros.errors import ConfigurationError
-from manifold_mpc_ros.sim.campaign import OPPOSITE, RANDOM, CampaignSettings, CaseName
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from rich.console import Console
 
-    from manifold_mpc_ros.sim.campaign_outcome import Outcome
-    from manifold_mpc_ros.sim.campaign_workers import Work
+    from manifold_mpc_ros.campaigns.chunks import Chunks, Work
+    from manifold_mpc_ros.campaigns.journal import Journal
+    from manifold_mpc_ros.campaigns.outcome import Outcome
 
-SUMMARY = 'Run thousands of closed loops on the model; succeed when the theory holds in each.'
+SUMMARY = 'Run thousands of closed loops drawn from a file; succeed when each keeps its limits.'
 EXAMPLES = """\
   manifold-mpc campaign
-      10,000 random starts and 1,000 exact 180 degree ones of the shipped controller, on all cores
-  manifold-mpc campaign --random 300 --opposite 100 --output results/short.json
-      a short one
-  manifold-mpc campaign --target pointing --random 1000 --opposite 100
-      of the controller that points one body axis and leaves roll free
-  manifold-mpc campaign --case random-17
-      one case again, tick by tick
-"""
+      what the theory promises: 10,000 random starts and 1,000 exact 180 degree ones, on all cores
+  manifold-mpc campaign dispersed
+      another shipped campaign: bodies, torques and sensors that the controller does not know of
+  manifold-mpc campaign my_spacecraft.yaml -o results/mine
+      your own; the same command again goes on where it was interrupted
+  manifold-mpc campaign my_spacecraft.yaml -o results/mine --scheduler tcp://10.0.0.1:8786
+      the same on a Dask cluster
+  manifold-mpc campaign results/mine/campaign.yaml --case random-17
+      one case again, tick by tick"""
 EXIT_NOT_ACHIEVED, EXIT_INTERRUPTED = 1, 130
-# Where the output is no terminal, a line as often as this.
-PLAIN_LINE_PERIOD_S = 10.0
+DEFAULT_CAMPAIGN, DEFAULT_FOLDER = 'theory', Path('results/campaigns')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
+    parser.add_argument(
+        'campaign', nargs='?', default=DEFAULT_CAMPAIGN, metavar='CAMPAIGN',
+        help='a campaign file, or the name of a shipped one (default: %(default)s)')
+    parser.add_argument('--list', action='store_true', help='list the shipped campaigns')
     shared.add_controller_config(parser)
-    shared.add_backend(parser, "the parameter file's")
+    shared.add_backend(parser, "the campaign's")
     parser.add_argument(
-        '--target', choices=('attitude', 'pointing'),
-        help="turn to an attitude, or point one body axis, roll free (default: the parameter "
-             "file's)")
+        '--seed', type=count, metavar='N', help="another seed than the campaign's")
     parser.add_argument(
-        '--random', type=count, default=10000, metavar='N',
-        help='loops from uniform attitudes with rates uniform in a ball (default: %(default)s)')
-    parser.add_argument(
-        '--opposite', type=count, default=1000, metavar='N',
-        help='loops from rest at exactly 180 degrees: about the principal axes, then random ones; '
-             'for pointing from the exact antipode (default: %(default)s)')
-    parser.add_argument(
-        '--largest-rate', type=shared.number, default=0.3, metavar='RAD/S',
-        help='radius of the ball of initial rates (default: %(default)s)')
-    parser.add_argument(
-        '--seed', type=count, default=0, metavar='N',
-        help='a case depends on this and on its own name alone (default: %(default)s)')
-    parser.add_argument(
-        '--duration', type=shared.positive_number, default=30.0, metavar='S',
-        help="length of each loop, a multiple of the controller's step (default: %(default)s)")
-    parser.add_argument(
-        '--settled-deg', type=shared.positive_number, default=0.1, metavar='DEG',
-        help='settled: below this error to the end (default: %(default)s)')
-    parser.add_argument(
-        '--settled-rad-s', type=shared.positive_number, default=1e-3, metavar='RAD/S',
-        help='and below this body rate (default: %(default)s)')
-    parser.add_argument(
+        '--loops', type=loops, action='append', default=[], metavar='[SET=]N',
+        help='another number of loops, in one set or in each; may be given several times')
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
         '--workers', type=workers, default=os.cpu_count() or 1, metavar='N',
         help='processes that share the loops (default: one for each core)')
+    where.add_argument(
+        '--scheduler', metavar='ADDRESS',
+        help='share the loops on the Dask cluster with this scheduler, tcp://HOST:PORT')
     parser.add_argument(
         '--case', metavar='NAME', help='run this case alone and print its course, write nothing')
     parser.add_argument(
-        '--output', type=Path, default=Path('results/campaign.json'), metavar='FILE.json',
-        help='every figure, and the cases that broke anything (default: %(default)s)')
+        '-o', '--output', type=Path, metavar='DIR',
+        help=f'folder of the table and the report; loops that are in it already are not run '
+             f'again (default: {DEFAULT_FOLDER}/NAME)')
     parser.add_argument(
-        '--picture', type=Path, metavar='FILE.png', help='the picture (default: beside --output)')
-    parser.add_argument(
-        '--table', type=Path, metavar='FILE.csv', help='one row for each loop (default: none)')
+        '--overwrite', action='store_true', help='begin anew what the folder holds')
 
 
 def count(text: str) -> int:
@@ -101,13 +86,22 @@ def workers(text: str) -> int:
     return int(text)
 
 
+def loops(text: str) -> tuple[str | None, int]:
+    """Read ``N`` or ``SET=N``."""
+    match = re.fullmatch(r'(?:(\w+)=)?(\d{1,9})', text, re.ASCII)
+    if match is None:
+        raise argparse.ArgumentTypeError(f'{text!r} is neither a whole number nor SET=N')
+    return match[1], int(match[2])
+
+
 @dataclass(frozen=True, eq=False)
 class Run:
-    """What a campaign came to."""
+    """What a campaign came to: every outcome there is, and how the new ones were made."""
 
     outcomes: list[Outcome]
     planned: int
-    workers: int
+    new: int
+    where: str
     elapsed_s: float
 
     @property
@@ -115,123 +109,140 @@ class Run:
         """Whether every case was run."""
         return len(self.outcomes) == self.planned
 
+    @property
+    def broken(self) -> list[Outcome]:
+        """The outcomes that broke anything."""
+        return [outcome for outcome in self.outcomes if outcome.broken]
+
 
 def run(arguments: argparse.Namespace) -> int:
     """Run, print, write; 0 when every loop ran and none broke anything, otherwise 1 (or 130)."""
-    from manifold_mpc_ros.cli import campaign_report, report
-    from manifold_mpc_ros.sim.campaign_workers import Work, build_controller
-    controller = ControllerConfig.from_yaml(
-        shared.controller_config_path(arguments.controller_config))
-    config = controller.mpc if arguments.target is None else replace(
-        controller.mpc, target=arguments.target)
-    settings = _settings(arguments, config.step_s)
-    settings.check(config)
-    work = Work(config, settings, arguments.backend or controller.backend,
-                build_controller)
+    from manifold_mpc_ros.campaigns import chunks
+    from manifold_mpc_ros.cli import campaign_case, campaign_files, campaign_report, report
     console = report.make_console()
+    if arguments.list:
+        return _list(console)
+    plan = _plan(arguments)
+    work = chunks.Work(plan, chunks.build_controller)
     if arguments.case is not None:
-        return campaign_report.show_case(console, work, CaseName.parse(arguments.case))
-    names = [CaseName(kind, index) for kind in (RANDOM, OPPOSITE)
-             for index in range(getattr(arguments, kind))]
-    if not names:
-        raise ConfigurationError('--random and --opposite', 0, 'at least one loop in all')
-    written = _destinations(arguments)
-    processes = min(arguments.workers, len(names))
-    if processes > 1:
-        # What cannot be built is said now, and a compiled solver is there for every worker.
-        with console.status('Designing the terminal set and building the solver'):
-            build_controller(config, work.backend)
-    done = _run_all(console, work, names, processes)
+        return campaign_case.show_case(console, work, CaseName.parse(arguments.case))
+    signal.signal(signal.SIGTERM, _interrupt)
+    folder = arguments.output or DEFAULT_FOLDER / plan.name
+    done = _run(console, work, folder, arguments)
     if not done.outcomes:
         console.print('Interrupted before the first loop ended.')
         return EXIT_INTERRUPTED
-    campaign_report.show(console, work, done)
-    report.say_written(console, campaign_report.write(work, done, *written))
+    campaign_report.show(console, plan, done, folder)
+    with console.status('Writing the table and the report'):
+        written = campaign_files.write(plan, done, folder)
+    report.say_written(console, written)
     if not done.complete:
+        console.print('The same command again goes on from here.')
         return EXIT_INTERRUPTED
-    return EXIT_NOT_ACHIEVED if any(outcome.broken for outcome in done.outcomes) else 0
+    return EXIT_NOT_ACHIEVED if done.broken else 0
 
 
-def _settings(arguments: argparse.Namespace, step_s: float) -> CampaignSettings:
-    """Return what the arguments ask for; raises ConfigurationError."""
-    steps = round(arguments.duration / step_s)
-    if steps < 1 or not math.isclose(steps * step_s, arguments.duration, rel_tol=1e-9):
+def find_campaign(given: str) -> Path:
+    """Return a campaign file, or a shipped one by its name."""
+    if Path(given).is_file() or given.endswith(('.yaml', '.yml')):
+        return Path(given)
+    shipped = {path.stem: path for path in shipped_campaigns()}
+    if given not in shipped:
         raise ConfigurationError(
-            '--duration', arguments.duration, f'a multiple of the step {step_s:g} s')
-    return CampaignSettings(
-        arguments.seed, arguments.largest_rate, steps, math.radians(arguments.settled_deg),
-        arguments.settled_rad_s)
+            'CAMPAIGN', given, 'a file that exists, or one of ' + ', '.join(sorted(shipped)))
+    return shipped[given]
 
 
-def _destinations(arguments: argparse.Namespace) -> tuple[Path, Path, Path | None]:
-    """Return the files to write, their folders made; found out before the loops run."""
-    def checked(path: Path) -> Path:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
-            raise ConfigurationError('output file', str(path), 'a file that can be written')
-        return path
-
-    data = checked(arguments.output)
-    return (data, checked(arguments.picture or data.with_suffix('.png')),
-            None if arguments.table is None else checked(arguments.table))
+def shipped_campaigns() -> list[Path]:
+    """Return the files of the shipped campaigns."""
+    return sorted((shared.shipped_config('controller.yaml').parent / 'campaigns').glob('*.yaml'))
 
 
-def _run_all(console: Console, work: Work, names: list[CaseName], processes: int) -> Run:
-    """Run every case; an interrupt keeps what has been done."""
-    from manifold_mpc_ros.sim.campaign_workers import run_cases
-    begin, outcomes = time.monotonic(), dict[str, 'Outcome']()
-    chunks = run_cases(work, names, processes)
-    try:
-        with _progress(console, len(names), processes) as advance:
-            for chunk in chunks:
-                outcomes.update({outcome.name: outcome for outcome in chunk})
-                advance(len(chunk), sum(bool(outcome.broken) for outcome in chunk))
-    except KeyboardInterrupt:
-        console.print('Interrupted; what follows is what has been done.')
-    finally:
-        chunks.close()  # type: ignore[attr-defined]
-    in_order = [outcomes[str(name)] for name in names if str(name) in outcomes]
-    return Run(in_order, len(names), processes, time.monotonic() - begin)
+def _list(console: Console) -> int:
+    """Print names, descriptions and sizes of the shipped campaigns."""
+    from manifold_mpc_ros.cli import report
+    plans = [CampaignPlan.from_yaml(path) for path in shipped_campaigns()]
+    console.print(report.result_table('Shipped campaigns', [
+        (plan.name, f'{plan.description} ' + ', '.join(
+            f'{one.loops} {one.name}' for one in plan.sets)) for plan in plans]))
+    return 0
 
 
-@contextmanager
-def _progress(console: Console, total: int, processes: int
-              ) -> Iterator[Callable[[int, int], None]]:
-    """Show how far it is; yields what to call with the loops done and broken since."""
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-    begin = last = time.monotonic()
-    broken = 0
-    with Progress(
-        TextColumn(f'closed loops, {processes} at a time'), BarColumn(), MofNCompleteColumn(),
-        TimeElapsedColumn(), TextColumn('left'), TimeRemainingColumn(),
-        TextColumn('broken {task.fields[broken]}'), console=console,
-        disable=not console.is_terminal,
-    ) as progress:
-        task = progress.add_task('', total=total, broken=0)
-        done = 0
-        if not console.is_terminal:
-            _say(console, f'{total} loops, {processes} at a time')
-
-        def advance(loops: int, broke: int) -> None:
-            nonlocal done, broken, last
-            done, broken, now = done + loops, broken + broke, time.monotonic()
-            progress.update(task, completed=done, broken=broken)
-            if not console.is_terminal and (now - last > PLAIN_LINE_PERIOD_S or done == total):
-                last = now
-                left_s = (now - begin) / done * (total - done)
-                _say(console, f'{done} of {total} loops, {broken} broken, {left_s:.0f} s left')
-
-        yield advance
+def _plan(arguments: argparse.Namespace) -> CampaignPlan:
+    """Return the campaign that is asked for; raises ConfigurationError."""
+    plan = CampaignPlan.from_yaml(
+        find_campaign(arguments.campaign), arguments.controller_config)
+    if arguments.seed is not None:
+        plan = replace(plan, seed=arguments.seed)
+    if arguments.backend is not None:
+        plan = replace(plan, controller={**plan.controller, 'mpc.backend': arguments.backend})
+    for set_name, number in arguments.loops:
+        plan = plan.with_loops(set_name, number)
+    if not all_names(plan):
+        raise ConfigurationError('--loops', 0, 'at least one loop in all')
+    return plan
 
 
-def _say(console: Console, line: str) -> None:
-    """Print a line at once."""
-    console.print(line)
-    console.file.flush()
+def _run(console: Console, work: Work, folder: Path, arguments: argparse.Namespace) -> Run:
+    """Run what is not in the folder yet; an interrupt keeps what has been done."""
+    from manifold_mpc_ros.campaigns.journal import Journal
+    from manifold_mpc_ros.campaigns.software import software
+    from manifold_mpc_ros.campaigns.table import require_pyarrow
+    require_pyarrow()
+    names = all_names(work.plan)
+    begin = time.monotonic()
+    with Journal(folder, work.plan, software(), overwrite=arguments.overwrite) as journal:
+        todo = [name for name in names if str(name) not in journal.outcomes]
+        if len(todo) < len(names):
+            console.print(f'{len(names) - len(todo)} of {len(names)} loops are in {folder}',
+                          soft_wrap=True, markup=False)
+        try:
+            _run_all(console, work, journal, todo, arguments)
+        except KeyboardInterrupt:
+            console.print('Interrupted; what follows is what has been done.')
+        outcomes = [journal.outcomes[str(name)] for name in names
+                    if str(name) in journal.outcomes]
+    new = sum(str(name) in journal.outcomes for name in todo)
+    return Run(outcomes, len(names), new, _where(arguments, todo), time.monotonic() - begin)
+
+
+def _run_all(console: Console, work: Work, journal: Journal, todo: list[CaseName],
+             arguments: argparse.Namespace) -> None:
+    """Run cases and record them."""
+    from manifold_mpc_ros.cli.campaign_progress import progress
+    if not todo:
+        return
+    with ExitStack() as stack:
+        chunks = _started(console, stack, work, todo, arguments)
+        stack.callback(chunks.close)
+        advance = stack.enter_context(progress(console, len(todo), _where(arguments, todo)))
+        for chunk in chunks:
+            journal.append(chunk)
+            advance(len(chunk), sum(bool(outcome.broken) for outcome in chunk))
+
+
+def _started(console: Console, stack: ExitStack, work: Work, todo: list[CaseName],
+             arguments: argparse.Namespace) -> Chunks:
+    """Return the iterator of outcomes, on a cluster or on processes of this machine."""
+    from manifold_mpc_ros.campaigns.chunks import run_on_processes
+    if arguments.scheduler is not None:
+        from manifold_mpc_ros.campaigns.cluster import connected
+        return stack.enter_context(connected(arguments.scheduler)).run(work, todo)
+    processes = min(arguments.workers, len(todo))
+    if processes > 1:
+        # What cannot be built is said now, and a compiled solver is there for every worker.
+        with console.status('Designing the terminal set and building the solver'):
+            work.build()
+    return run_on_processes(work, todo, processes)
+
+
+def _where(arguments: argparse.Namespace, todo: list[CaseName]) -> str:
+    """Return what runs the loops, in words."""
+    if arguments.scheduler is not None:
+        return 'a Dask cluster'
+    return f'{min(arguments.workers, len(todo))} process(es)'
+
+
+def _interrupt(_number: int, _frame: object) -> NoReturn:
+    """Let SIGTERM end the campaign the way Ctrl-C does."""
+    raise KeyboardInterrupt

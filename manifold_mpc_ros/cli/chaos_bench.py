@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import time
 from collections.abc import Mapping, Sequence
@@ -36,6 +37,7 @@ NAMES = {CONTROLLER: CONTROLLER_NAME, SIMULATOR: SIMULATOR_NAME}
 LOOK_S = 0.004
 #: Between two looks at the memory of the nodes [s].
 MEMORY_PERIOD_S = 1.0
+_PAGE_BYTES = os.sysconf('SC_PAGE_SIZE')
 TRACEBACK = 'Traceback (most recent call last)'
 
 
@@ -103,7 +105,8 @@ class Life:
             pages = int(Path(f'/proc/{self.process.pid}/statm').read_text().split()[1])
         except (OSError, IndexError):
             return
-        self.memory.append((now_s, pages * 4096))
+        if pages:  # none are left of a process that has ended
+            self.memory.append((now_s, pages * _PAGE_BYTES))
 
 
 class Bench:

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,6 +16,8 @@ from matplotlib.figure import Figure
 
 # Okabe and Ito's blue, vermilion and bluish green, for the body axes x, y and z.
 AXIS_COLOURS = ('#0072B2', '#D55E00', '#009E73')
+# And their sky blue, reddish purple and orange, where there is more to tell apart than three axes.
+MORE_COLOURS = ('#56B4E9', '#CC79A7', '#E69F00')
 AXIS_NAMES = ('x', 'y', 'z')
 INK = '#222222'
 LIMIT_COLOUR = '#666666'
@@ -52,6 +55,11 @@ def save_figure(figure: Figure, path: Path) -> Path:
     """Write a picture and return where it is."""
     figure.savefig(path, dpi=DOTS_PER_INCH)
     return path
+
+
+def set_colours(number: int) -> list[str]:
+    """Return colours for a number of sets; after six they repeat."""
+    return list(itertools.islice(itertools.cycle(AXIS_COLOURS + MORE_COLOURS), number))
 
 
 def draw_limits(axes: Axes, limits: Sequence[float] | np.ndarray | None) -> None:

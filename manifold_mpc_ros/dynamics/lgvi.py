@@ -176,7 +176,10 @@ def _solve_cayley(m: Vector, J: Matrix) -> Vector:
 
 def _require_existence(m: Vector, J: Matrix) -> None:
     """Raise StepExistenceError unless every |m| is below the smallest eigenvalue of its J."""
-    exists = np.asarray(scalar_form.within_guard(m, J))
+    within = scalar_form.within_guard(m, J)
+    if within is True:  # one body
+        return
+    exists = np.asarray(within)
     if exists.all():
         return
     largest = np.max(np.linalg.norm(_from_vector(m), axis=-1))

@@ -19,7 +19,9 @@ Matrix: TypeAlias = tuple[Vector, Vector, Vector]
 
 def add(a: Vector, b: Vector, scale: Scalar = 1.0) -> Vector:
     """Return a + scale b."""
-    return a[0] + scale * b[0], a[1] + scale * b[1], a[2] + scale * b[2]
+    a0, a1, a2 = a
+    b0, b1, b2 = b
+    return a0 + scale * b0, a1 + scale * b1, a2 + scale * b2
 
 
 def dot(a: Vector, b: Vector) -> Scalar:
@@ -36,12 +38,16 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 def apply(matrix: Matrix, v: Vector) -> Vector:
     """Return the product matrix v."""
-    return dot(matrix[0], v), dot(matrix[1], v), dot(matrix[2], v)
+    (a, b, c), (d, e, f), (g, h, i) = matrix
+    x, y, z = v
+    return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
 
 
 def apply_transposed(matrix: Matrix, v: Vector) -> Vector:
     """Return the product matrix^T v."""
-    return apply(transpose(matrix), v)
+    (a, b, c), (d, e, f), (g, h, i) = matrix
+    x, y, z = v
+    return a * x + d * y + g * z, b * x + e * y + h * z, c * x + f * y + i * z
 
 
 def transpose(matrix: Matrix) -> Matrix:
@@ -59,14 +65,10 @@ def multiply(a: Matrix, b: Matrix) -> Matrix:
 def solve(matrix: Matrix, v: Vector) -> Vector:
     """Return matrix^-1 v by cofactors of the rows."""
     first, second, third = matrix
-    c0, c1, c2 = cross(second, third), cross(third, first), cross(first, second)
-    v0, v1, v2 = v
-    determinant = dot(first, c0)
-    return (
-        (c0[0] * v0 + c1[0] * v1 + c2[0] * v2) / determinant,
-        (c0[1] * v0 + c1[1] * v1 + c2[1] * v2) / determinant,
-        (c0[2] * v0 + c1[2] * v1 + c2[2] * v2) / determinant,
-    )
+    columns = cross(second, third), cross(third, first), cross(first, second)
+    x, y, z = apply_transposed(columns, v)
+    determinant = dot(first, columns[0])
+    return x / determinant, y / determinant, z / determinant
 
 
 def cayley_residual(c: Vector, m: Vector, J: Matrix) -> Vector:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from manifold_mpc_ros.config import AttitudeMpcConfig
 from manifold_mpc_ros.mpc import search
 from manifold_mpc_ros.mpc.kernel.build import load_solver
-from manifold_mpc_ros.mpc.kernel.rules import OUT_OF_TIME
+from manifold_mpc_ros.mpc.kernel.rules import is_converged
 from manifold_mpc_ros.mpc.kernel.solver import LocalSolver, Measure, Plan
 from manifold_mpc_ros.mpc.kernel.structure import Structure
 from manifold_mpc_ros.mpc.scaling import flat_parameters, scaling_of
@@ -24,8 +24,6 @@ from manifold_mpc_ros.problems.registry import terminal_design
 from manifold_mpc_ros.theory.design import TerminalDesign
 from manifold_mpc_ros.theory.manifold import tangent_basis
 
-# Barrier parameter and most passes of a warm start, the next where one does not converge.
-WARM_STARTS = ((1e-6, 30), (1e-3, 50), (1e-1, search.MOST_PASSES))
 # The shifted plan itself: so near its limits that its cost is what it would be on them.
 SHIFTED_BARRIER = 1e-12
 # A level that no state exceeds: the terminal set is then not there.
@@ -35,6 +33,7 @@ VIOLATION = 1e-6
 # The warm plan is kept while its value stays within this of what the last plan promised, and
 # always when less than this angle [rad] is left to turn: no other side can win there.
 PROMISE = 1e-2
+LEAST_PROMISE = 1e-3
 SEARCH_ANGLE_RAD = np.pi / 2
 # A commanded attitude that moved by more than this [rad] forgets the warm start.
 SETPOINT_MOVED_RAD = 1e-3
@@ -132,7 +131,7 @@ class AttitudeMpc:
         if measure is None:
             self.reset()
             return self._failed(R_NB, omega_BN_B, time.perf_counter() - begin)
-        plan, passes, searched = self._find_plan(measure.angle_rad < SEARCH_ANGLE_RAD)
+        plan, passes, searched = self._find_plan(measure)
         return self._answer(plan, passes, searched, begin)
 
     def solve_local(self, R_NB: ArrayLike, omega_BN_B: ArrayLike) -> AttitudeMpcSolution:
@@ -167,13 +166,14 @@ class AttitudeMpc:
                  and measure.momentum_squared < self._guard_squared)
         return measure if sound else None
 
-    def _find_plan(self, near: bool) -> tuple[Plan | None, int, bool]:
+    def _find_plan(self, measure: Measure) -> tuple[Plan | None, int, bool]:
         """Return the plan, the passes used, and whether the global search ran.
 
         First with the terminal set; when that cannot be reached, without it. From outside D_N
         the set is tried again at every tick, from the shifted plan only.
         """
         was_inside, passes, searched = self._inside, 0, False
+        near = measure.angle_rad < SEARCH_ANGLE_RAD
         if self._promised is not None:
             plan, passes = self._improve(self._strict)
             if plan is not None and self._reaches_set(plan) and (
@@ -181,7 +181,7 @@ class AttitudeMpc:
                 self._inside = True
                 return plan, passes, False
         if self._promised is None or was_inside:
-            plan, more = self._search(self._strict)
+            plan, more = self._search(self._strict, measure)
             passes, searched = passes + more, True
             if self._relaxed is self._strict or (plan is not None and self._reaches_set(plan)):
                 self._inside = True
@@ -192,29 +192,23 @@ class AttitudeMpc:
             passes += more
             if plan is not None and (near or self._keeps_promise(plan)):
                 return plan, passes, searched
-        plan, more = self._search(self._relaxed)
+        plan, more = self._search(self._relaxed, measure)
         return plan, passes + more, True
 
     def _improve(self, solver: LocalSolver) -> tuple[Plan | None, int]:
-        """Return the plan that the shifted one leads to, or None; and the passes it took.
+        """Return the plan that the shifted one leads to, or None; and the passes it took."""
+        passes = solver.improve(self._plan, self._deadline_s)
+        if passes < 0:
+            return None, -passes
+        solver.keep(self._spare[0])
+        return self._spare[0], passes
 
-        None when it does not converge, unless time has run out.
-        """
-        passes, candidate = 0, self._spare[0]
-        for mu, most in WARM_STARTS:
-            solver.begin_shift(mu, self._plan)
-            solver.iterate(most, self._deadline_s)
-            progress = solver.progress
-            passes += progress.passes
-            if search.is_converged(progress) or progress.flag == OUT_OF_TIME:
-                solver.keep(candidate)
-                return candidate, passes
-        return None, passes
-
-    def _search(self, solver: LocalSolver) -> tuple[Plan | None, int]:
+    def _search(self, solver: LocalSolver, measure: Measure
+                ) -> tuple[Plan | None, int]:
         """Return the best of the global search and the shifted plan, and the passes it took."""
-        best, passes = search.global_search(
-            solver, self._starts, self._spare[2:], self._deadline_s)
+        pointing = solver.structure.pointing
+        due = [start for start in self._starts if search.is_due(start, measure, pointing)]
+        best, passes = search.global_search(solver, due, self._spare[2:], self._deadline_s)
         if best is not None and self._promised is not None:
             solver.begin_shift(SHIFTED_BARRIER, self._plan)
             shifted = self._spare[1]
@@ -230,7 +224,7 @@ class AttitudeMpc:
     def _keeps_promise(self, plan: Plan) -> bool:
         """Return whether a plan's value (with penalties) is what the last plan promised."""
         assert self._promised is not None
-        bound = self._promised + PROMISE * max(abs(self._promised), 1e-3)
+        bound = self._promised + PROMISE * max(abs(self._promised), LEAST_PROMISE)
         return plan.progress.cost <= bound
 
     def _answer(self, plan: Plan | None, passes: int, searched: bool, begin: float
@@ -260,8 +254,8 @@ class AttitudeMpc:
         """Return how a solve ended."""
         if violation > VIOLATION or not self._inside:
             return SolveStatus.INFEASIBLE
-        return (SolveStatus.CONVERGED if search.is_converged(plan.progress)
-                else SolveStatus.FEASIBLE)
+        converged = is_converged(plan.progress.flag, plan.progress.residual)
+        return SolveStatus.CONVERGED if converged else SolveStatus.FEASIBLE
 
     def _failed(self, R_NB: ArrayLike, omega_BN_B: ArrayLike, elapsed_s: float
                 ) -> AttitudeMpcSolution:

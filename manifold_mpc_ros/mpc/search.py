@@ -12,23 +12,31 @@ from __future__ import annotations
 import itertools
 import math
 import time
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from manifold_mpc_ros.mpc.kernel import rules
-from manifold_mpc_ros.mpc.kernel.solver import LocalSolver, Plan, Progress
+from manifold_mpc_ros.mpc.kernel.solver import LocalSolver, Measure, Plan, Progress
 from manifold_mpc_ros.mpc.kernel.structure import Structure
 from manifold_mpc_ros.mpc.scaling import Array
 
 # Barrier parameter of a cold start (dimensionless, against a cost of order 10).
 COLD_BARRIER = 1.0
-# Passes of each start at most.
+# Passes of the first start at most, and of the others, which end after HOPELESS_PASSES when their
+# cost is still above HOPELESS times the best: winners are near it by then (test_global.py).
 MOST_PASSES = 200
+OTHER_PASSES = 60
+HOPELESS_PASSES = 25
+HOPELESS = 1.1
+# Steps for which a leaning start holds its octant.
+LEAN_STEPS = 5
+# The long way round can win when the angle left to turn and to stop is above this [rad].
+LONG_WAY_RAD = np.radians(130.0)
+# A pointing turn leans above this.
+POINTING_RAD = np.radians(100.0)
 # Plans whose costs agree to this are equal; the rule then decides.
 TIE = 1e-7
-# KKT residual at which a start that can make no more progress counts as converged.
-ACCEPTABLE_RESIDUAL = 1e-6
 
 
 class Start(NamedTuple):
@@ -36,6 +44,11 @@ class Start(NamedTuple):
 
     lean: tuple[float, float, float]
     long_way: bool
+
+    @property
+    def leans(self) -> bool:
+        """Whether the start leaves the plane of the slew."""
+        return any(self.lean)
 
 
 _SIGNS = (1.0, -1.0)
@@ -59,15 +72,28 @@ def starts(structure: Structure, across: Array) -> tuple[Start, ...]:
                               for x, y, z in (first, -first, second, -second))
 
 
+def is_due(start: Start, measure: Measure, pointing: bool) -> bool:
+    """Return whether a start can lead to the best plan from a state.
+
+    The short way always can; the long way only when enough is left to turn. Out of the plane it
+    is better where the slew's own torque is nearly a single component, so that the other two can
+    help, the more so the weaker that component is against what they can do; and anywhere beside
+    the half turn for a body that is much quicker about another axis. Found by comparison with all
+    starts on random and half turns (docs/solver.md), not proved.
+    """
+    turn = measure.angle_rad + measure.braking_rad
+    if not start.leans:
+        return not start.long_way or turn > LONG_WAY_RAD
+    if pointing:
+        return turn > POINTING_RAD
+    beside = np.pi - turn
+    alone = measure.second_torque < 0.25 and beside < 0.05 + 0.17 * (measure.weakness - 1.0)
+    return alone or (beside < 0.035 and measure.weakness > 2.0)
+
+
 def lean_steps(horizon: int) -> int:
     """Return for how many steps a leaning start holds its octant."""
-    return max(1, min(3, horizon // 3))
-
-
-def is_converged(progress: Progress) -> bool:
-    """Return whether a trajectory satisfies the optimality conditions."""
-    return progress.flag == rules.CONVERGED or (
-        progress.flag == rules.STALLED and progress.residual < ACCEPTABLE_RESIDUAL)
+    return max(1, min(LEAN_STEPS, horizon // 2))
 
 
 def begin(solver: LocalSolver, start: Start) -> None:
@@ -79,12 +105,12 @@ def begin(solver: LocalSolver, start: Start) -> None:
         solver.flip()
 
 
-def global_search(solver: LocalSolver, field: tuple[Start, ...], pool: list[Plan],
+def global_search(solver: LocalSolver, field: Sequence[Start], pool: list[Plan],
                   deadline_s: float = math.inf) -> tuple[Plan | None, int]:
     """Return the best plan from the solver's state, and the passes it took in all.
 
-    ``pool`` holds one plan per start as memory. None when no start gave a plan. After the
-    deadline no further start begins.
+    ``pool`` holds at least one plan per start as memory. None when no start gave a plan. After
+    the deadline no further start begins.
     """
     passes = 0
     finalists: list[Plan] = []
@@ -92,13 +118,24 @@ def global_search(solver: LocalSolver, field: tuple[Start, ...], pool: list[Plan
         if finalists and time.monotonic() > deadline_s:
             break
         begin(solver, start)
-        solver.iterate(MOST_PASSES, deadline_s)
-        progress = solver.progress
+        progress = _run(solver, finalists, deadline_s)
         passes += progress.passes
         if progress.passes > 0 and math.isfinite(progress.cost):
             solver.keep(slot)
             finalists.append(slot)
     return (choose(finalists) if finalists else None), passes
+
+
+def _run(solver: LocalSolver, finalists: list[Plan], deadline_s: float) -> Progress:
+    """Run a start to its end, or until it cannot win against the plans found before."""
+    if not finalists:
+        solver.iterate(MOST_PASSES, deadline_s)
+        return solver.progress
+    solver.iterate(HOPELESS_PASSES, deadline_s)
+    best = min(plan.progress.cost for plan in finalists)
+    if solver.progress.cost <= HOPELESS * best:
+        solver.iterate(OTHER_PASSES, deadline_s)
+    return solver.progress
 
 
 def choose(finalists: list[Plan]) -> Plan:

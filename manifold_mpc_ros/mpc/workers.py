@@ -22,6 +22,10 @@ Job = TypeVar('Job')
 Result = TypeVar('Result')
 
 
+class WorkerDiedError(ManifoldMpcError):
+    """A worker process ended before its job did."""
+
+
 class Workers(Generic[State]):
     """A pool of processes as a context manager; a single worker is this process itself.
 
@@ -55,7 +59,7 @@ class Workers(Generic[State]):
             ) -> Iterator[tuple[int, Result]]:
         """Yield (index of the job, result) in whatever order the jobs end.
 
-        Raises what a job raises, and ManifoldMpcError when a worker dies.
+        Raises what a job raises, and WorkerDiedError when a worker dies.
         """
         if self._pool is None:
             for index, job in enumerate(jobs):
@@ -70,7 +74,7 @@ class Workers(Generic[State]):
             try:
                 yield index_of[future], future.result()
             except BrokenProcessPool:
-                raise ManifoldMpcError(
+                raise WorkerDiedError(
                     'a worker process died (ended from outside, or short of memory); '
                     'fewer --workers need less memory') from None
 

@@ -94,8 +94,7 @@ class ModeLogic:
         """Leave FAULT and forget what was seen; a pause stays, and so does the end."""
         self._fault = ''
         self._errors = 0
-        self._lost = False
-        self._good = 0
+        self._states_to_come = 0
         self._restarted = False
 
     def start(self) -> None:
@@ -136,13 +135,13 @@ class ModeLogic:
 
     def see(self) -> None:
         """Note a valid state."""
-        self._good += 1
+        self._states_to_come = max(0, self._states_to_come - 1)
 
     def wants_plan(self, age_ns: int | None) -> bool:
         """Return whether a plan asked for now could be used."""
         return (age_ns is not None and age_ns <= self._propagate_ns and not self._stopping
                 and not self._fault and not self._restarted and not self.paused
-                and not self._waits_for_states)
+                and not self._states_to_come)
 
     def decide(self, facts: Facts) -> Decision:
         """Return the mode of this tick: the worst that applies."""
@@ -160,10 +159,10 @@ class ModeLogic:
             return Decision(Mode.PAUSED, 'paused by the operator')
         if age_ns > self._timeout_ns:
             return self._coast(f'the state is {age_ns / _NANOSECONDS:.3f} s old')
-        if self._waits_for_states:
-            return Decision(Mode.COAST, f'{self._good} of {REENTRY_STATES} valid states after '
-                                        'the last one was too old')
-        self._lost = False
+        if self._states_to_come:
+            came = REENTRY_STATES - self._states_to_come
+            return Decision(Mode.COAST, f'{came} of {REENTRY_STATES} valid states after the last '
+                                        'one was too old')
         if age_ns <= self._propagate_ns:
             if facts.plan is Plan.USABLE:
                 return Decision(Mode.NOMINAL, facts.detail)
@@ -173,12 +172,7 @@ class ModeLogic:
         old = f'the state is {age_ns / _NANOSECONDS:.3f} s old'
         return Decision(Mode.HOLD, old) if facts.held else self._coast(f'{old}, without a plan')
 
-    @property
-    def _waits_for_states(self) -> bool:
-        """Whether the state was lost and has not come back for good."""
-        return self._lost and self._good < REENTRY_STATES
-
     def _coast(self, reason: str) -> Decision:
         """Lose the state: valid ones count anew."""
-        self._lost, self._good = True, 0
+        self._states_to_come = REENTRY_STATES
         return Decision(Mode.COAST, reason)

@@ -12,15 +12,11 @@ from typing import Any
 
 from manifold_mpc_ros.config import SimulatorConfig
 from manifold_mpc_ros.config_controller import ControllerConfig
-from manifold_mpc_ros.config_parameters import (
-    ParameterSpec,
-    Value,
-    refuse_unknown,
-    resolve_parameters,
-)
+from manifold_mpc_ros.config_parameters import Value, resolve_parameters
 from manifold_mpc_ros.config_tables import CONTROLLER_PARAMETERS, SIMULATOR_PARAMETERS
-from manifold_mpc_ros.config_yaml import flatten_parameters, parse_mapping, read_text
+from manifold_mpc_ros.config_yaml import parse_mapping, read_text
 from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.scenarios.changes import named, parameter_changes
 from manifold_mpc_ros.scenarios.keys import GROUPS, SCENARIO_KEYS, TIME_KEYS, check_group
 from manifold_mpc_ros.scenarios.parts import (
     AcceptanceLimits,
@@ -31,8 +27,9 @@ from manifold_mpc_ros.scenarios.parts import (
 )
 
 #: Parameters of both nodes that the scenario's ``time`` decides.
-DECIDED_BY_TIME = ('lockstep', 'autostart', 'timing.publish_clock', 'timing.real_time_factor',
-                   'use_sim_time')
+DECIDED_BY_TIME = dict.fromkeys((
+    'lockstep', 'autostart', 'timing.publish_clock', 'timing.real_time_factor', 'use_sim_time',
+), 'time.mode')
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +74,12 @@ class Scenario:
         scenario = cls(
             name=name, description=' '.join(str(values['description']).split()),
             duration_s=values['duration_s'],
-            controller=_overrides('controller', CONTROLLER_PARAMETERS, values),
-            simulator=_overrides('simulator', SIMULATOR_PARAMETERS, values),
+            controller=parameter_changes(
+                'controller', CONTROLLER_PARAMETERS, as_mapping(values.get('controller')),
+                DECIDED_BY_TIME),
+            simulator=parameter_changes(
+                'simulator', SIMULATOR_PARAMETERS, as_mapping(values.get('simulator')),
+                DECIDED_BY_TIME),
             setpoints=setpoints_from(values.get('setpoints')),
             time_mode=time.get('mode', 'lockstep'), clock_factor=time.get('factor', 1.0),
             faults=Faults.from_mapping(as_mapping(values.get('faults'))),
@@ -125,8 +126,8 @@ class Scenario:
 
     def _check_together(self) -> None:
         """Refuse what does not fit together."""
-        controller = _named('controller', lambda: self.controller_config)
-        simulator = _named('simulator', lambda: self.simulator_config)
+        controller = named('controller', lambda: self.controller_config)
+        simulator = named('simulator', lambda: self.simulator_config)
         step_s = controller.mpc.step_s
         if not math.isclose(simulator.control_period_s, step_s, rel_tol=1e-9):
             raise ConfigurationError(
@@ -165,25 +166,3 @@ class Scenario:
                 raise ConfigurationError(
                     'time.mode', self.time_mode,
                     f'clock or wall with {name} (lockstep waits for every answer)')
-
-
-def _overrides(
-    node: str, specs: tuple[ParameterSpec, ...], values: Mapping[str, Any],
-) -> dict[str, Value]:
-    """Return the checked changes to one node's parameters by dotted name."""
-    def read() -> dict[str, Value]:
-        given = flatten_parameters(as_mapping(values.get(node)))
-        for name in DECIDED_BY_TIME:
-            if name in given:
-                raise ConfigurationError(name, given[name], 'left out: time.mode decides it')
-        refuse_unknown(specs, given)
-        return {spec.name: spec.check(given[spec.name]) for spec in specs if spec.name in given}
-    return _named(node, read)
-
-
-def _named(node: str, build: Any) -> Any:
-    """Return what ``build()`` returns; errors carry the node's name before the parameter's."""
-    try:
-        return build()
-    except ConfigurationError as error:
-        raise ConfigurationError(f'{node}.{error.key}', error.value, error.valid) from None

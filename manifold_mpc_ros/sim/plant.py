@@ -10,6 +10,7 @@ torque that is held over the step.
 from __future__ import annotations
 
 import math
+import operator
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from manifold_mpc_ros.config import SimulatorConfig
+from manifold_mpc_ros.dynamics import scalar_form
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3
@@ -70,6 +72,8 @@ class Plant:
         self.config = config
         self._disturbance = np.array(config.disturbance_torque_n_m, dtype=np.float64)
         self._inertial_disturbance = disturbance_frame == 'inertial'
+        self._disturbance_n_m = math.hypot(*self._disturbance.tolist())
+        self._inertia_rows = config.inertia_kg_m2.tolist()
         self._smallest_inertia = float(np.linalg.eigvalsh(config.inertia_kg_m2)[0])
         self.reset()
 
@@ -147,11 +151,11 @@ class Plant:
 
     def _actuate(self, tau_B: Array) -> Array:
         """Return the torque that the actuators give for a command."""
-        if tau_B.shape != (3,) or not np.all(np.isfinite(tau_B)):
+        if tau_B.shape != (3,) or not all(map(math.isfinite, tau_B.tolist())):
             self.counters.refused += 1
             return np.zeros(3)
         limit = self.config.max_torque_n_m
-        if limit is None or np.all(np.abs(tau_B) <= limit):
+        if limit is None or all(map(operator.le, map(abs, tau_B.tolist()), limit.tolist())):
             return tau_B.copy()
         self.counters.saturated += 1
         return np.clip(tau_B, -limit, limit)
@@ -163,9 +167,8 @@ class Plant:
         half step adds h/(2n) |tau|: h/n (|Pi| + h |tau|) bounds what the guard looks at.
         """
         step_s = self.config.step_s
-        with np.errstate(over='ignore', invalid='ignore'):
-            momentum = float(np.linalg.norm(self.config.inertia_kg_m2 @ self._omega_BN_B))
-            torque = float(np.linalg.norm(self._torque_B) + np.linalg.norm(self._disturbance))
+        momentum = math.hypot(*scalar_form.apply(self._inertia_rows, self._omega_BN_B.tolist()))
+        torque = math.hypot(*self._torque_B.tolist()) + self._disturbance_n_m
         needed = step_s * (momentum + step_s * torque) / (GUARD_FRACTION * self._smallest_inertia)
         if not needed <= MAX_SUBSTEPS:
             return 0

@@ -125,6 +125,30 @@ def test_lockstep_follows_the_stamps_alone() -> None:
     assert door.restarted
 
 
+@pytest.mark.parametrize(('stamp_s', 'said'), [
+    (100.5, 'the stamp is 0.500 s ahead'), (97.0, 'the stamp is 3.000 s old')])
+def test_a_refused_stamp_is_said_in_seconds(stamp_s: float, said: str) -> None:
+    refusal = gate().admit(at(stamp_s), NOW_NS)
+    assert isinstance(refusal, Refusal)
+    assert refusal.detail == said
+
+
+def test_the_first_stamp_of_all_and_time_that_steps_back_by_the_timeout() -> None:
+    first = dataclasses.replace(GOOD, stamp_ns=1)
+    assert isinstance(gate(timed=False).admit(first, 0), StateSample)
+    door = gate()
+    assert not door.restarted
+    assert isinstance(door.admit(at(100.0), ns(100.0)), StateSample)
+    assert not door.restarted
+    back = door.admit(at(97.5), ns(97.5))  # by no more than the timeout
+    assert isinstance(back, Refusal)
+    assert back.reason is Reason.OUT_OF_ORDER
+    assert isinstance(door.admit(at(97.4), ns(97.4)), StateSample)
+    assert door.restarted
+    door.forget()
+    assert not door.restarted
+
+
 def test_forgetting_the_order() -> None:
     door = gate()
     door.admit(GOOD, NOW_NS)
@@ -149,6 +173,7 @@ def test_setpoints_and_torques() -> None:
 
 
 def test_refusals_are_counted_by_topic_and_reason() -> None:
+    assert RefusalLog().latest == ''
     log = RefusalLog()
     log.add('odometry', Refusal(Reason.STALE, 'old'))
     log.add('odometry', Refusal(Reason.STALE, 'older'))

@@ -21,8 +21,11 @@ from installed import BUILD, PIP, TOP, run
 PIP_NAME = {'yaml': 'pyyaml', 'mpl_toolkits': 'matplotlib', 'flint': 'python-flint'}
 ROSDEP_KEY = {'casadi': 'casadi-pip', 'mpl_toolkits': 'python3-matplotlib',
               'rosbags': 'python3-rosbags-pip'}
-# Without a key: certificates import it when they are asked for, and say so where it is missing.
-NO_ROSDEP_KEY = {'flint'}
+# Without a key: certificates and campaigns import them when they are asked for, and say so where
+# they are missing.
+NO_ROSDEP_KEY = {'flint', 'pyarrow'}
+# Imported only when a cluster is asked for.
+OPTIONAL = {'distributed': 'cluster'}
 # Declared for the launch file and for lifecycle clients, which no module of ours imports.
 UNSEEN = {'launch', 'launch_ros', 'lifecycle_msgs'}
 
@@ -73,7 +76,7 @@ def test_the_manifest_is_valid(manifest: Package) -> None:
 def test_every_import_is_declared_for_pip_and_for_rosdep(
         manifest: Package, metadata: Message) -> None:
     foreign = set(imported('manifold_mpc_ros', 'launch')) - sys.stdlib_module_names
-    foreign.discard('manifold_mpc_ros')
+    foreign -= {'manifold_mpc_ros', *OPTIONAL}
     declared = {depend.name for depend in manifest.exec_depends}
     from_ros, from_pip = foreign & declared, foreign - declared
     assert {'rclpy', 'nav_msgs', 'geometry_msgs', 'sensor_msgs'} <= from_ros
@@ -87,6 +90,8 @@ def test_the_extras(metadata: Message) -> None:
         'ros-jazzy-common-interfaces', 'ros-jazzy-lifecycle-msgs', 'ros-jazzy-rclpy',
         'ros-jazzy-rmw-fastrtps-cpp'}
     assert {'pytest', 'hypothesis', 'ruff', 'mypy'} <= required(metadata, 'test')
+    for name, extra in OPTIONAL.items():
+        assert name in required(metadata, extra) & required(metadata, 'test')
     assert metadata['Requires-Python'] == '>=3.10'
 
 

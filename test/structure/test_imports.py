@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The dependency direction of the modules, read from their import statements.
 
-``cli > nodes > chaos > bags > scenarios > sim > safety > mpc > problems > {theory, dynamics} >
-lie > errors``: a module imports its own layer and those below it. ``theory`` and ``dynamics`` do
-not know each other. ``config`` may import ``errors`` and ``lie``; ``dynamics`` and the layers from
-``problems`` up may import ``config``; ``nodes`` and ``cli`` may use the package's public names.
+``cli > nodes > chaos > bags > campaigns > scenarios > sim > safety > mpc > problems > {theory,
+dynamics} > lie > errors``: a module imports its own layer and those below it. ``theory`` and
+``dynamics`` do not know each other. ``config`` may import ``errors`` and ``lie``; ``dynamics`` and
+the layers from ``problems`` up may import ``config``; ``nodes`` and ``cli`` may use the package's
+public names.
 """
 
 from __future__ import annotations
@@ -21,15 +22,15 @@ PACKAGE = 'manifold_mpc_ros'
 MODULES = sorted((TOP / PACKAGE).rglob('*.py'))
 
 LAYERS = ('errors', 'lie', 'theory', 'dynamics', 'problems', 'mpc', 'safety', 'sim', 'scenarios',
-          'bags', 'chaos', 'nodes', 'cli')
+          'campaigns', 'bags', 'chaos', 'nodes', 'cli')
 MAY_IMPORT = {
     layer: set(LAYERS[:rank + 1]) | ({'config'} if rank >= LAYERS.index('dynamics') else set())
     for rank, layer in enumerate(LAYERS)
 }
 MAY_IMPORT['dynamics'].remove('theory')
 MAY_IMPORT['config'] = {'config', 'errors', 'lie'}
-# the package's own __init__
-MAY_IMPORT[''] = {*LAYERS, 'config'} - {'bags', 'chaos', 'nodes', 'cli'}
+# The package's own __init__.
+MAY_IMPORT[''] = {*LAYERS, 'config'} - {'campaigns', 'bags', 'chaos', 'nodes', 'cli'}
 MAY_IMPORT['nodes'].add('')
 MAY_IMPORT['cli'].add('')
 
@@ -43,6 +44,7 @@ ROS = {
 ONLY_IN = {name: {'nodes'} for name in ROS}
 ONLY_IN.update({name: {'cli'} for name in ('matplotlib', 'mpl_toolkits', 'rich')})
 ONLY_IN['rosbags'] = {'bags'}
+ONLY_IN.update({name: {'campaigns'} for name in ('dask', 'distributed', 'pyarrow')})
 ONLY_IN.update({name: {'nodes', 'cli'} for name in ('datetime', 'sched', 'time')})
 # The solver reports how long it took; nothing it computes depends on that.
 CLOCK_ALLOWED = {('mpc/attitude_mpc.py', 'time')}
@@ -124,6 +126,8 @@ def test_imports_point_down() -> None:
     ('scenarios/scenario.py', 'from manifold_mpc_ros.bags import reader'),
     ('bags/reader.py', 'from manifold_mpc_ros.nodes import messages'),
     ('cli/record.py', 'from rosbags.rosbag2 import Reader'),
+    ('cli/campaign.py', 'from distributed import Client'),
+    ('sim/plant.py', 'from manifold_mpc_ros.campaigns.plan import CampaignPlan'),
     ('cli/demo.py', 'from nav_msgs.msg import Odometry'),
     ('mpc/attitude_mpc.py', 'importlib.import_module("rclpy")'),
     ('sim/closed_loop.py', 'import matplotlib.pyplot as plt'),

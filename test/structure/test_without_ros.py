@@ -87,4 +87,4 @@ def test_the_core_works_without_ros() -> None:
 def test_drawing_is_loaded_only_when_used() -> None:
     loaded = run('import sys, manifold_mpc_ros.cli.main\nprint(*sys.modules)')
     assert 'manifold_mpc_ros.cli.main' in loaded
-    assert not {'matplotlib', 'rich', 'rclpy', 'rosbags'} & set(loaded)
+    assert not {'matplotlib', 'rich', 'rclpy', 'rosbags', 'pyarrow', 'distributed'} & set(loaded)

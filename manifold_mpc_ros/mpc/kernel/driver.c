@@ -11,7 +11,7 @@ typedef struct {
     double *plan, *fresh, *model, *g;
     double cost, logs, mu, exact;
     double stationarity, products, decrease, elapsed_s;
-    long horizon, flag, passes, trials;
+    long horizon, flag, passes, total_passes;
 } solve;
 
 static double now_s(void)
@@ -30,13 +30,13 @@ static void take_fresh(solve *s)
     s->logs = s->g[SUMS + 1];
 }
 
-long lane_count(void)
+long mpc_lane_count(void)
 {
     return LANES;
 }
 
 /* What stays the same for a memory: which stages are inner and later ones. */
-void prepare(solve *s)
+void mpc_prepare(solve *s)
 {
     for (long k = -LANES; k <= s->horizon + LANES; ++k) {
         s->model[AT(MODEL_ROWS, INNER, k)] = k < s->horizon;
@@ -50,11 +50,11 @@ static void begin(solve *s)
     s->flag = s->g[SUMS + 2] > 0.0 ? RUNNING : STALLED;
     s->stationarity = s->products = s->decrease = INFINITY;
     s->exact = 1.0;
-    s->passes = s->trials = 0;
+    s->passes = 0;
 }
 
 /* Start from the slew law, leaning for the first steps. */
-void begin_slew(solve *s, double mu, const double *lean, long lean_steps)
+void mpc_begin_slew(solve *s, double mu, const double *lean, long lean_steps)
 {
     double begun_s = now_s();
     s->g[BARRIER] = s->mu = mu;
@@ -68,7 +68,7 @@ void begin_slew(solve *s, double mu, const double *lean, long lean_steps)
 }
 
 /* Start from the torques and multipliers of another plan, one stage ahead. */
-void begin_shift(solve *s, double mu, const double *kept)
+void mpc_begin_shift(solve *s, double mu, const double *kept)
 {
     double begun_s = now_s();
     s->g[BARRIER] = s->mu = mu;
@@ -79,13 +79,13 @@ void begin_shift(solve *s, double mu, const double *kept)
 }
 
 /* Set the state from what was measured. */
-void measure(solve *s)
+void mpc_measure(solve *s)
 {
     run_measure(s->plan, s->fresh, s->model, s->g, s->horizon);
 }
 
 /* Say what the caller wants to know of a plan. */
-void report(solve *s, const double *kept)
+void mpc_report(solve *s, const double *kept)
 {
     run_report(kept, s->fresh, s->model, s->g, s->horizon);
 }
@@ -107,7 +107,6 @@ static double search_length(solve *s)
     for (; length > SMALLEST_STEP; length *= BACKTRACK) {
         s->g[LENGTH] = length;
         run_trial(s->plan, s->fresh, s->model, s->g, s->horizon);
-        ++s->trials;
         if (accepts(s, length))
             return length;
     }
@@ -147,7 +146,7 @@ static void one_pass(solve *s)
 }
 
 /* Run up to `most` passes in all, until the flag says why it ended or the deadline is over. */
-void iterate(solve *s, long most, double deadline_s)
+void mpc_iterate(solve *s, long most, double deadline_s)
 {
     double begun_s = now_s();
     while (s->flag == RUNNING && s->passes < most) {
@@ -157,4 +156,78 @@ void iterate(solve *s, long most, double deadline_s)
             one_pass(s);
     }
     s->elapsed_s += now_s() - begun_s;
+}
+
+static int is_converged(const solve *s)
+{
+    return s->flag == CONVERGED || (s->flag == STALLED
+        && fmax(s->stationarity, s->products) < ACCEPTABLE_RESIDUAL);
+}
+
+/* Improve a plan, one stage ahead; return whether that gave a plan to use. */
+long mpc_improve(solve *s, const double *kept, double deadline_s)
+{
+    static const struct { double mu; long most; } starts[] = {WARM_STARTS};
+    s->total_passes = 0;
+    for (size_t i = 0; i < sizeof starts / sizeof *starts; ++i) {
+        mpc_begin_shift(s, starts[i].mu, kept);
+        mpc_iterate(s, starts[i].most, deadline_s);
+        s->total_passes += s->passes;
+        if (is_converged(s) || s->flag == OUT_OF_TIME)
+            return 1;
+    }
+    return 0;
+}
+
+typedef struct {
+    double near_rad, violation, promise, least_promise;
+    double promised;
+    double *states, *torques, *costs;
+    long *passes;
+    long ticks;
+} course;
+
+static int keeps_promise(const solve *s, const course *c)
+{
+    double slack = c->promise * fmax(fabs(c->promised), c->least_promise);
+    return s->cost <= c->promised + slack;
+}
+
+static void record(const solve *s, course *c, long tick)
+{
+    const double *excess = s->g + EXCESS;
+    double penalties = RATE_PENALTY * excess[0] + TERMINAL_PENALTY * s->g[MISSED];
+    c->costs[tick] = s->cost - penalties;
+    c->passes[tick] = s->total_passes;
+    for (int i = 0; i < 3; ++i)
+        c->torques[3 * tick + i] = s->g[APPLIED + i] = s->plan[AT(TRAJECTORY_ROWS, TORQUE + i, 0)];
+    memcpy(c->states + 12 * tick, s->g + MEASURED, 9 * sizeof(double));
+    memcpy(c->states + 12 * tick + 9, s->g + MEASURED + 18, 3 * sizeof(double));
+    c->promised = s->cost - s->g[FIRST_COST];
+}
+
+/* Apply the first torque of a plan to the body: the next measured state. */
+void mpc_advance(solve *s)
+{
+    run_plant(s->plan, s->fresh, s->model, s->g, s->horizon);
+}
+
+/* Close the loop from tick `first` on while every warm start gives a plan that keeps the promise
+ * of the one before; return the first tick that needs more than that. */
+long mpc_follow(solve *s, double *kept, course *c, long first)
+{
+    size_t size = BLOCK(TRAJECTORY_ROWS, 0, s->horizon + LANES) * sizeof(double);
+    for (long tick = first; tick < c->ticks; ++tick) {
+        mpc_measure(s);
+        if (!mpc_improve(s, kept, INFINITY))
+            return tick;
+        mpc_report(s, s->plan);
+        if (s->g[MISSED] > c->violation || s->g[EXCESS + 1] > c->violation
+            || !(s->g[MEASURE + 2] < c->near_rad || keeps_promise(s, c)))
+            return tick;
+        memcpy(kept, s->plan, size);
+        record(s, c, tick);
+        mpc_advance(s);
+    }
+    return c->ticks;
 }

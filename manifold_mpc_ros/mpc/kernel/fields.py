@@ -76,10 +76,14 @@ SUMS = Field('sums', 3, _GLOBAL)           # cost with penalties, logarithms, so
 LEAN = Field('lean', 3, _MODEL)            # of a slew's first steps
 START = Field('start', 7, _GLOBAL)         # measured attitude and momentum
 CHAIN = Field('chain', 7, _GLOBAL)         # the same of the stage that a roll-out has reached
-# What a caller measured: R_NB and R_ND row by row, the dimensionless rate; and what follows: the
-# largest defect of the two rotations, |J omega|^2 and the angle left to turn.
+# What a caller measured: R_NB and R_ND row by row, the dimensionless rate; and what follows from
+# it (solver.Measure).
 MEASURED = Field('measured', 21, _GLOBAL)
-MEASURE = Field('measure', 3, _GLOBAL)
+MEASURE = Field('measure', 6, _GLOBAL)
+# A body that the loop is closed with: inertia, column by column, disturbance torque and the torque
+# that is applied, dimensionless.
+BODY = Field('body', 12, _GLOBAL)
+APPLIED = Field('applied', 3, _GLOBAL)
 # Report of a plan: cost of the first stage, xi^T P xi / c at both ends, sum and largest of the
 # rate limits' relative violations, by how much the terminal set is missed; R_NB and rate of a
 # node.

@@ -19,6 +19,7 @@ from manifold_mpc_ros.mpc.kernel import fields, rules
 from manifold_mpc_ros.mpc.kernel.layout import first_row, memory_fields, rows_of
 from manifold_mpc_ros.mpc.kernel.passes import Program
 from manifold_mpc_ros.mpc.kernel.phase import Memory, Order, Phase, Ref
+from manifold_mpc_ros.mpc.kernel.structure import RATE_PENALTY, TERMINAL_PENALTY
 
 _BINARY = {
     ca.OP_ADD: '{} + {}', ca.OP_SUB: '{} - {}', ca.OP_MUL: '{} * {}', ca.OP_DIV: '{} / {}',
@@ -138,14 +139,17 @@ def program_code(program: Program) -> str:
     """Return the whole solver as one C file: layout, rules, phases, parts and the driver."""
     phases = {phase.name: phase for part in program for phase in part}
     rows = {field.name.upper(): first_row(field)
-            for field in (*memory_fields(Memory.GLOBAL), fields.LEAN, fields.INNER, fields.LATER)}
+            for field in (*memory_fields(Memory.GLOBAL), fields.LEAN, fields.INNER, fields.LATER,
+                          fields.TORQUE)}
     sizes = {f'{memory.name}_ROWS': rows_of(memory) for memory in Memory}
     defines = {**rows, **sizes,
-               **{name: _number(value) for name, value in rules.constants().items()}}
+               **{name: _number(value) for name, value in rules.constants().items()},
+               'RATE_PENALTY': RATE_PENALTY, 'TERMINAL_PENALTY': TERMINAL_PENALTY}
     here = Path(__file__).resolve().parent
     return '\n'.join([
         (here / 'lanes.h').read_text(encoding='utf-8'),
-        *(f'#define {name} {value}' for name, value in defines.items()), '',
+        *(f'#define {name} {value}' for name, value in defines.items()),
+        f'#define WARM_STARTS {rules.warm_starts()}', '',
         *(phase_code(phase) for phase in phases.values()),
         *(_part_code(name, part) for name, part in program._asdict().items()),
         (here / 'driver.c').read_text(encoding='utf-8')])

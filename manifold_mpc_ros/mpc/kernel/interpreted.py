@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 
 import numpy as np
 
@@ -15,7 +16,15 @@ from manifold_mpc_ros.mpc.kernel.barrier import BOUNDARY
 from manifold_mpc_ros.mpc.kernel.layout import memory_fields
 from manifold_mpc_ros.mpc.kernel.passes import Program
 from manifold_mpc_ros.mpc.kernel.phase import Field, Memory
-from manifold_mpc_ros.mpc.kernel.solver import LocalSolver, Measure, Plan, Progress, Report
+from manifold_mpc_ros.mpc.kernel.solver import (
+    Course,
+    LocalSolver,
+    Measure,
+    Plan,
+    Progress,
+    Recording,
+    Report,
+)
 from manifold_mpc_ros.mpc.kernel.structure import Structure
 from manifold_mpc_ros.mpc.kernel.virtual import Part, Slot
 from manifold_mpc_ros.mpc.scaling import Array
@@ -44,9 +53,9 @@ class Parts:
         self._parts = {name: Part(name, phases, horizon)
                        for name, phases in program._asdict().items()}
 
-    def run(self, name: str, memory: dict[Slot, Array]) -> None:
-        """Run one part."""
-        self._parts[name](memory)
+    def bind(self, name: str, memory: dict[Slot, Array]) -> Callable[[], None]:
+        """Return what runs a part on some memory."""
+        return self._parts[name].bind(memory)
 
 
 class InterpretedSolver(LocalSolver):
@@ -62,6 +71,8 @@ class InterpretedSolver(LocalSolver):
                                                        else n + 1))
             for memory in (Memory.MODEL, Memory.GLOBAL) for field in memory_fields(memory)}
         self._plan, self._fresh = InterpretedPlan(structure, n), InterpretedPlan(structure, n)
+        self._bound: dict[tuple[str, int, int], Callable[[], None]] = {}
+        self._kept: dict[int, InterpretedPlan] = {}    # plans that the bound parts are bound to
         self._at(f.PARAMETER)[:] = parameters
         self._at(f.INNER)[:n] = 1.0
         self._at(f.LATER)[1:] = 1.0
@@ -77,9 +88,13 @@ class InterpretedSolver(LocalSolver):
     def _run(self, part: str, plan: InterpretedPlan | None = None) -> None:
         """Run a part from a plan (the current one) to the fresh trajectory."""
         old = self._plan if plan is None else plan
-        self._parts.run(part, self._shared | {
-            Slot(field, new): side.memory[field]
-            for new, side in ((False, old), (True, self._fresh)) for field in side.memory})
+        key = part, id(old), id(self._fresh)
+        if key not in self._bound:
+            self._bound[key] = self._parts.bind(part, self._shared | {
+                Slot(field, new): side.memory[field]
+                for new, side in ((False, old), (True, self._fresh)) for field in side.memory})
+            self._kept[id(old)] = old
+        self._bound[key]()
 
     def measure(self, R_NB: Array, R_ND: Array, omega: Array) -> Measure:
         """Set the state."""
@@ -171,6 +186,52 @@ class InterpretedSolver(LocalSolver):
                 self._flag = rules.OUT_OF_TIME
             else:
                 self._one_pass()
+
+    def improve(self, plan: Plan, deadline_s: float = math.inf) -> int:
+        """Improve a plan, one stage ahead."""
+        passes = 0
+        for mu, most in rules.WARM_STARTS:
+            self.begin_shift(mu, plan)
+            self.iterate(most, deadline_s)
+            passes += self._passes
+            if rules.is_converged(self._flag, self.progress.residual) or (
+                    self._flag == rules.OUT_OF_TIME):
+                return passes
+        return -passes
+
+    def set_body(self, inertia: Array, torque: Array) -> None:
+        """Set the body that the loop is closed with."""
+        self._at(f.BODY)[:] = np.concatenate([inertia.ravel(), torque])
+
+    def state(self) -> Array:
+        """Return the state (12,)."""
+        measured = self._at(f.MEASURED)
+        return np.concatenate([measured[:9], measured[18:]])
+
+    def advance(self, torque: Array) -> None:
+        """Move the state on by one step."""
+        self._at(f.APPLIED)[:] = torque
+        self._run('plant')
+
+    def follow(self, plan: Plan, course: Course, recording: Recording, first: int) -> int:
+        """Close the loop as driver.c does."""
+        for tick in range(first, course.ticks):
+            self._run('measure')
+            passes = self.improve(plan)
+            if passes < 0:
+                return tick
+            report = self.report(self._plan)
+            near = self._at(f.MEASURE)[2] < course.near_rad
+            slack = course.promise * max(abs(course.promised), course.least_promise)
+            if (report.terminal_violation > course.violation
+                    or report.rate_violation > course.violation
+                    or not (near or self._cost <= course.promised + slack)):
+                return tick
+            self.keep(plan)
+            recording.record(tick, self.state(), plan, report, passes)
+            course.promised = self._cost - report.first_cost
+            self.advance(plan.torques[0])
+        return int(course.ticks)
 
     @property
     def progress(self) -> Progress:

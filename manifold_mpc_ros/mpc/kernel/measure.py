@@ -8,10 +8,10 @@ import casadi as ca
 
 from manifold_mpc_ros.lie.symbolic import quaternion_from_rotation, rotation_from_quaternion
 from manifold_mpc_ros.mpc.kernel import fields as f
-from manifold_mpc_ros.mpc.kernel.barrier import largest
+from manifold_mpc_ros.mpc.kernel.barrier import largest, least, most
 from manifold_mpc_ros.mpc.kernel.phase import Field, Phase, Read, phase
 from manifold_mpc_ros.mpc.kernel.structure import Structure
-from manifold_mpc_ros.mpc.scaling import unpack
+from manifold_mpc_ros.mpc.scaling import Parameters, unpack
 
 
 def row_by_row(entries: ca.SX) -> ca.SX:
@@ -23,6 +23,20 @@ def _defect(rotation: ca.SX) -> ca.SX:
     """Return how far a matrix (3, 3) is from SO(3): ``max |R^T R - I|``, 2 with det < 0."""
     orthogonality = largest(ca.vec(rotation.T @ rotation - ca.SX.eye(3)))
     return ca.fmax(orthogonality, ca.if_else(ca.det(rotation) > 0, 0, 2))
+
+
+def _hardness(structure: Structure, v: ca.SX, omega: ca.SX, p: Parameters
+              ) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Return braking angle, second torque and weakness (see `solver.Measure`)."""
+    if not structure.torque_box:
+        return ca.SX(0), ca.SX(1), ca.SX(1)
+    axis = v / ca.sqrt(ca.dot(v, v) + 1e-30)
+    effort = ca.fabs(p.inertia @ axis / p.max_torque)
+    highest, lowest = most(effort), least(effort)
+    second = ca.sum1(effort) - highest - lowest
+    quickest = most(p.max_torque / ca.diag(p.inertia))
+    braking = ca.norm_2(omega) * most(ca.fabs(p.inertia @ omega / p.max_torque)) / 2
+    return braking, second / highest, quickest * highest
 
 
 def measure_phase(structure: Structure) -> Phase:
@@ -40,6 +54,7 @@ def measure_phase(structure: Structure) -> Phase:
             angle = ca.atan2(ca.sqrt(ca.dot(across, across)), ca.dot(gamma, axis))
         return {f.START: ca.vertcat(q, momentum),
                 f.MEASURE: ca.vertcat(ca.fmax(_defect(attitude), _defect(target)),
-                                      ca.dot(momentum, momentum), angle)}
+                                      ca.dot(momentum, momentum), angle,
+                                      *_hardness(structure, v, measured[18:21], p))}
 
     return phase('measure', expression, only=1)

@@ -81,7 +81,7 @@ def _rate_terms(structure: Structure, read: Read, p: Parameters) -> _RateTerms:
     to_rate, weight = p.inertia_inverse, ca.diag(box_hessian(bounds.weight, p.max_rate))
     return _RateTerms(
         to_rate @ box_transpose(bounds.pull, p.max_rate),
-        to_rate @ box_transpose(s, p.max_rate), to_rate @ weight @ to_rate,
+        to_rate @ box_transpose(s, p.max_rate), form.congruence(to_rate, weight @ to_rate),
         where(read(f.LATER), largest(bounds.slack * s, (RATE_PENALTY - s) * t)))
 
 
@@ -104,21 +104,24 @@ def paper_node_phase(structure: Structure) -> Phase:
         if structure.torque_box:
             into = into + ca.diag(read(f.TORQUE_WEIGHT, -1))
             out = out + ca.diag(where(inner, read(f.TORQUE_WEIGHT)))
-        after, before = form.momentum_derivatives(turn, p.inertia)
+        after = form.momentum_derivative(turn, p.inertia)
+        before = form.derivative_before(turn, after, read(f.MOMENTUM)) @ g.T
+        after = after @ g.T
+        force_into, force = read(f.FORCE, -1) + rates.force, where(inner, read(f.FORCE))
         lagrangian = turn @ (inner * p.rate_weight + form.multiplier_matrix(
-            read(f.FORCE, -1) + rates.force, where(inner, read(f.FORCE)), p.inertia))
+            force_into, force, p.inertia))
+        curved = blend(read(f.EXACT), form.left_hessian(lagrangian),
+                       inner * trace_hessian(p.rate_weight))
         weighted = out @ before
-        hessian = after.T @ into @ after + before.T @ weighted + blend(
-            read(f.EXACT), form.left_hessian(lagrangian), inner * trace_hessian(p.rate_weight))
-        gradient = (inner * form.left_gradient(turn @ p.rate_weight)
-                    + after.T @ (read(f.PULL, -1) + rates.pull)
-                    - before.T @ where(inner, read(f.PULL)))
+        hessian = (form.congruence(after, into @ after) + form.congruence(before, weighted)
+                   + form.congruence(g.T, curved @ g.T))
+        move_force = g @ form.left_gradient(lagrangian)
+        gradient = (move_force + after.T @ (read(f.PULL, -1) + rates.pull - force_into)
+                    - before.T @ (where(inner, read(f.PULL)) - force))
         return {**_turn_terms(g, read, p),
-                f.MOVE_GRADIENT: g @ gradient,
-                f.MOVE_HESSIAN: form.upper_part(g @ hessian @ g.T),
-                f.MOVE_FORCE: g @ form.left_gradient(lagrangian),
-                f.AFTER: ca.vec(after @ g.T), f.BEFORE: ca.vec(before @ g.T),
-                f.WEIGHTED: ca.vec(weighted @ g.T), f.RATE_PRODUCTS: rates.products}
+                f.MOVE_GRADIENT: gradient, f.MOVE_HESSIAN: form.upper_part(hessian),
+                f.MOVE_FORCE: move_force, f.AFTER: ca.vec(after), f.BEFORE: ca.vec(before),
+                f.WEIGHTED: ca.vec(weighted), f.RATE_PRODUCTS: rates.products}
 
     return phase('node', expression, beyond=1)
 
@@ -142,12 +145,12 @@ def symmetric_node_phase(structure: Structure) -> Phase:
         g = rotation_from_quaternion(read(f.ATTITUDE))
         free = rotation_from_quaternion(read(f.FREE))
         rates = _rate_terms(structure, read, p)
-        by_momentum = form.inverse_of(form.momentum_derivatives(free, p.inertia)[0])
+        by_momentum = form.inverse_of(form.momentum_derivative(free, p.inertia))
         gradient = by_momentum.T @ form.left_gradient(free @ p.rate_weight)
         curved = form.left_hessian(free @ (
             p.rate_weight - form.multiplier_matrix(gradient, ca.SX.zeros(3), p.inertia)))
-        hessian = by_momentum.T @ blend(
-            read(f.EXACT), curved, trace_hessian(p.rate_weight)) @ by_momentum
+        hessian = form.congruence(by_momentum, blend(
+            read(f.EXACT), curved, trace_hessian(p.rate_weight)) @ by_momentum)
         return {**_turn_terms(g, read, p),
                 f.MOVE_GRADIENT: inner * gradient + rates.pull,
                 f.MOVE_FORCE: inner * gradient + rates.force,
@@ -163,7 +166,9 @@ def symmetric_transition_phase(structure: Structure) -> Phase:
         p, exact = unpack(read(f.PARAMETER)), read(f.EXACT)
         g = rotation_from_quaternion(read(f.ATTITUDE))
         turn = rotation_from_quaternion(read(f.STEP))
-        after, before = form.momentum_derivatives(turn, p.inertia)
+        after = form.momentum_derivative(turn, p.inertia)
+        before = form.derivative_before(turn, after, read(f.MOMENTUM) + read(f.TORQUE) / 2) @ g.T
+        after = after @ g.T
         costate, force = read(f.MOMENTUM_COSTATE), read(f.FORCE)
         lagrangian = turn @ form.multiplier_matrix(2 * force + costate, -costate, p.inertia)
         weight = p.torque_hessian
@@ -171,11 +176,12 @@ def symmetric_transition_phase(structure: Structure) -> Phase:
             weight = weight + ca.diag(read(f.TORQUE_WEIGHT))
         by_control = 2 * after
         weighted = weight @ by_control
-        hessian = by_control.T @ weighted + exact * form.left_hessian(lagrangian)
-        return {f.AFTER: ca.vec(after @ g.T), f.PASSED: ca.vec((after + before) @ g.T),
-                f.CROSS: ca.vec(-2 * (weighted @ g.T).T),
-                f.CONTROL_GRADIENT: g @ (by_control.T @ read(f.PULL)),
-                f.CONTROL_HESSIAN: form.upper_part(g @ hessian @ g.T),
+        curved = form.congruence(g.T, exact * form.left_hessian(lagrangian) @ g.T)
+        return {f.AFTER: ca.vec(after), f.PASSED: ca.vec(after + before),
+                f.CROSS: ca.vec(-2 * weighted.T),
+                f.CONTROL_GRADIENT: by_control.T @ read(f.PULL),
+                f.CONTROL_HESSIAN: form.upper_part(
+                    form.congruence(by_control, weighted) + curved),
                 f.STAGE_RESIDUAL: largest(
                     g @ form.left_gradient(lagrangian) + read(f.TURN_COSTATE))}
 

@@ -5,7 +5,9 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,44 +15,63 @@ from manifold_mpc_ros.errors import SolverBuildError
 from manifold_mpc_ros.mpc.kernel import fields as f
 from manifold_mpc_ros.mpc.kernel.layout import first_row, rows_of
 from manifold_mpc_ros.mpc.kernel.phase import Field, Memory
-from manifold_mpc_ros.mpc.kernel.solver import LocalSolver, Measure, Plan, Progress, Report
+from manifold_mpc_ros.mpc.kernel.solver import (
+    Course,
+    LocalSolver,
+    Measure,
+    Plan,
+    Progress,
+    Recording,
+    Report,
+)
 from manifold_mpc_ros.mpc.kernel.structure import Structure
 from manifold_mpc_ros.mpc.scaling import Array
 
 _ALIGNMENT = 64
 _MEASURED, _MEASURE = first_row(f.MEASURED), first_row(f.MEASURE)
+_BODY, _APPLIED = first_row(f.BODY), first_row(f.APPLIED)
 _START, _REPORT = first_row(f.START), first_row(f.FIRST_COST)
 
 
 class _Solve(ctypes.Structure):
     """The struct ``solve`` of driver.c."""
 
-    _fields_ = [(name, kind) for kind, names in (  # type: ignore[misc]
+    _fields_ = [(name, kind) for kind, names in (
         (ctypes.c_void_p, 'plan fresh model g'),
         (ctypes.c_double, 'cost logs mu exact stationarity products decrease elapsed_s'),
-        (ctypes.c_long, 'horizon flag passes trials')) for name in names.split()]
+        (ctypes.c_long, 'horizon flag passes total_passes')) for name in names.split()]
 
 
 class Library:
-    """The functions of a compiled solver."""
+    """The functions of a compiled solver (driver.c), as attributes of their names."""
+
+    prepare: Callable[..., int]
+    measure: Callable[..., int]
+    begin_slew: Callable[..., int]
+    begin_shift: Callable[..., int]
+    iterate: Callable[..., int]
+    improve: Callable[..., int]
+    report: Callable[..., int]
+    advance: Callable[..., int]
+    follow: Callable[..., int]
 
     def __init__(self, path: Path) -> None:
         """Load it; raises SolverBuildError when it cannot be loaded."""
         pointer, double, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_long
+        signatures: dict[str, tuple[Any, ...]] = {
+            'prepare': (), 'measure': (), 'begin_slew': (double, pointer, integer),
+            'begin_shift': (double, pointer), 'iterate': (integer, double),
+            'improve': (pointer, double), 'report': (pointer,), 'advance': (),
+            'follow': (pointer, pointer, integer)}
         try:
             library = ctypes.CDLL(str(path))
-            self.lanes = int(library.lane_count())
-            for name, arguments in {
-                    'prepare': [], 'measure': [], 'begin_slew': [double, pointer, integer],
-                    'begin_shift': [double, pointer], 'iterate': [integer, double],
-                    'report': [pointer]}.items():
-                function = getattr(library, name)
-                function.argtypes, function.restype = [pointer, *arguments], None
+            self.lanes = int(library.mpc_lane_count())
+            for name, arguments in signatures.items():
+                function = getattr(library, f'mpc_{name}')
+                function.argtypes, function.restype = (pointer, *arguments), integer
+                setattr(self, name, function)
         except (OSError, AttributeError) as error:
             raise SolverBuildError(f'cannot load the compiled solver {path}: {error}') from error
-        self.prepare, self.measure, self.report = library.prepare, library.measure, library.report
-        self.begin_slew, self.begin_shift = library.begin_slew, library.begin_shift
-        self.iterate = library.iterate
 
 
 def _aligned(size: int) -> Array:
@@ -116,7 +137,7 @@ class NativeSolver(LocalSolver):
         g[_MEASURED + 9:_MEASURED + 18] = R_ND.ravel()
         g[_MEASURED + 18:_MEASURED + 21] = omega
         self._library.measure(self._address)
-        return Measure(*g[_MEASURE:_MEASURE + 3].tolist())
+        return Measure(*g[_MEASURE:_MEASURE + 6].tolist())
 
     def flip(self) -> None:
         """Turn the sign of the starting quaternion."""
@@ -135,6 +156,35 @@ class NativeSolver(LocalSolver):
     def iterate(self, most: int, deadline_s: float = np.inf) -> None:
         """Run passes."""
         self._library.iterate(self._address, most, deadline_s)
+
+    def improve(self, plan: Plan, deadline_s: float = np.inf) -> int:
+        """Improve a plan, one stage ahead."""
+        assert isinstance(plan, NativePlan)
+        usable = self._library.improve(self._address, plan.address, deadline_s)
+        passes = int(self._solve.total_passes)
+        return passes if usable else -passes
+
+    def set_body(self, inertia: Array, torque: Array) -> None:
+        """Set the body that the loop is closed with."""
+        self._globals[_BODY:_BODY + 12] = np.concatenate([inertia.ravel(), torque])
+
+    def state(self) -> Array:
+        """Return the state (12,)."""
+        g = self._globals
+        return np.concatenate([g[_MEASURED:_MEASURED + 9], g[_MEASURED + 18:_MEASURED + 21]])
+
+    def advance(self, torque: Array) -> None:
+        """Move the state on by one step."""
+        self._globals[_APPLIED:_APPLIED + 3] = torque
+        self._library.advance(self._address)
+
+    def follow(self, plan: Plan, course: Course, recording: Recording, first: int) -> int:
+        """Close the loop without a word of Python."""
+        assert isinstance(plan, NativePlan)
+        for name in ('states', 'torques', 'costs', 'passes'):
+            setattr(course, name, getattr(recording, name).ctypes.data)
+        return int(self._library.follow(
+            self._address, plan.address, ctypes.byref(course), first))
 
     @property
     def progress(self) -> Progress:

@@ -10,6 +10,7 @@ from manifold_mpc_ros.mpc.kernel import (
     measure,
     merit,
     model,
+    plant,
     report,
     start,
     sweep,
@@ -25,7 +26,8 @@ class Program(NamedTuple):
 
     ``measure`` sets the state; ``slew`` or ``shift`` roll a start out; ``cold`` or ``warm`` put
     its barrier variables where the solve begins; ``backward`` models a trajectory, ``trial`` makes
-    the next one; ``report`` says what the caller of a solve wants to know.
+    the next one; ``report`` says what the caller of a solve wants to know; ``plant`` moves a body
+    on by one step.
     """
 
     measure: tuple[Phase, ...]
@@ -36,6 +38,7 @@ class Program(NamedTuple):
     backward: tuple[Phase, ...]
     trial: tuple[Phase, ...]
     report: tuple[Phase, ...]
+    plant: tuple[Phase, ...]
 
 
 def program_of(structure: Structure) -> Program:
@@ -58,4 +61,5 @@ def program_of(structure: Structure) -> Program:
                   sweep.linear_phase(s), sweep.reach_phase(s), *reach),
         trial=(trial.turn_phase(s), trial.chain_phase(s), trial.node_phase(s),
                trial.stage_phase(s), trial.terminal_phase(s), gather),
-        report=report.report_phases(s))
+        report=report.report_phases(s),
+        plant=(plant.plant_phase(s),))

@@ -28,7 +28,17 @@ SMALLEST_BLEND = 0.05
 # A relative pivot of the control's Hessian below this counts as indefinite.
 SMALLEST_PIVOT = 1e-14
 
+# KKT residual at which a start that can make no more progress counts as converged.
+ACCEPTABLE_RESIDUAL = 1e-6
+# Barrier parameter and most passes of a warm start, the next where one does not converge.
+WARM_STARTS = ((1e-6, 30), (1e-3, 50), (1e-1, 200))
+
 RUNNING, CONVERGED, STALLED, OUT_OF_TIME = range(4)
+
+
+def is_converged(flag: int, residual: float) -> bool:
+    """Return whether a solve that ended so satisfies the optimality conditions."""
+    return flag == CONVERGED or (flag == STALLED and residual < ACCEPTABLE_RESIDUAL)
 
 
 def constants() -> dict[str, float]:
@@ -36,3 +46,8 @@ def constants() -> dict[str, float]:
     names = [name for name, value in globals().items()
              if name.isupper() and isinstance(value, float)]
     return {name: globals()[name] for name in names} | {'BOUNDARY': BOUNDARY}
+
+
+def warm_starts() -> str:
+    """Return WARM_STARTS as the rows of a C array."""
+    return ', '.join(f'{{{mu!r}, {most}}}' for mu, most in WARM_STARTS)

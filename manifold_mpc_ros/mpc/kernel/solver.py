@@ -4,10 +4,13 @@
 
 from __future__ import annotations
 
+import ctypes
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from manifold_mpc_ros.mpc.kernel import fields as f
 from manifold_mpc_ros.mpc.kernel import rules
@@ -68,11 +71,54 @@ class Report(NamedTuple):
 
 
 class Measure(NamedTuple):
-    """Of a state: distance of its rotations from SO(3), |J omega|^2, angle left to turn [rad]."""
+    """Of a state: whether it can be used, and how hard the turn is.
+
+    Distance of its rotations from SO(3); |J omega|^2; angle left to turn [rad]; angle that it
+    takes to stop the body [rad]; for a slew about the axis of the turn, how much the second torque
+    component does beside the first (0 to 1), and how many times faster the quickest axis turns.
+    """
 
     defect: float
     momentum_squared: float
     angle_rad: float
+    braking_rad: float
+    second_torque: float
+    weakness: float
+
+
+class Course(ctypes.Structure):
+    """A closed loop that the solver runs by itself: when to stop, and what is recorded.
+
+    The struct ``course`` of driver.c. A tick is not taken when its plan violates a limit by more
+    than ``violation``, or costs more than the one before promised plus ``promise`` of it (at least
+    of ``least_promise``) with ``near_rad`` or more left to turn.
+    """
+
+    _fields_ = [(name, kind) for kind, names in (  # type: ignore[misc]
+        (ctypes.c_double, 'near_rad violation promise least_promise promised'),
+        (ctypes.c_void_p, 'states torques costs passes'), (ctypes.c_long, 'ticks'),
+    ) for name in names.split()]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """States (T, 12) (R_NB row by row, rate), torques (T, 3), costs and passes (T,)."""
+
+    states: Array
+    torques: Array
+    costs: Array
+    passes: NDArray[np.int_]
+
+    @classmethod
+    def of(cls, ticks: int) -> Recording:
+        """Allocate for so many ticks."""
+        return cls(np.zeros((ticks, 12)), np.zeros((ticks, 3)), np.zeros(ticks),
+                   np.zeros(ticks, dtype=np.int_))
+
+    def record(self, tick: int, state: Array, plan: Plan, report: Report, passes: int) -> None:
+        """Write one tick."""
+        self.states[tick], self.torques[tick] = state, plan.torques[0]
+        self.costs[tick], self.passes[tick] = plan.progress.cost - report.penalties, passes
 
 
 class LocalSolver(ABC):
@@ -101,6 +147,32 @@ class LocalSolver(ABC):
     @abstractmethod
     def iterate(self, most: int, deadline_s: float = np.inf) -> None:
         """Run up to ``most`` passes in all, until it ends or time.monotonic is at the deadline."""
+
+    @abstractmethod
+    def improve(self, plan: Plan, deadline_s: float = np.inf) -> int:
+        """Improve a plan, one stage ahead; return the passes, negative when none converged.
+
+        A plan that time has run out for counts as converged.
+        """
+
+    @abstractmethod
+    def set_body(self, inertia: Array, torque: Array) -> None:
+        """Set the body that `follow` and `advance` move: inertia (3, 3), disturbance (3,)."""
+
+    @abstractmethod
+    def state(self) -> Array:
+        """Return the state (12,): R_NB row by row and dimensionless rate."""
+
+    @abstractmethod
+    def advance(self, torque: Array) -> None:
+        """Move the state on by one step of the body under a torque (3,)."""
+
+    @abstractmethod
+    def follow(self, plan: Plan, course: Course, recording: Recording, first: int) -> int:
+        """Close the loop from tick ``first`` on, ``plan`` kept up to date.
+
+        Return the first tick that needs more than a warm start, or the number of ticks.
+        """
 
     @property
     @abstractmethod

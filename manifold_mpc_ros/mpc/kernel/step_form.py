@@ -49,20 +49,27 @@ def momenta(f: ca.SX, inertia: ca.SX) -> tuple[ca.SX, ca.SX]:
     return along + across, along - across
 
 
-def momentum_derivatives(f: ca.SX, inertia: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Map a step (3, 3) to D+ and D- with ``d m+- = D+- beta``.
-
-    ``D+ = tr(f J_d) I - f J_d`` and ``D- = tr(f J_d) f^T - f^T J_d f^T``.
-    """
+def momentum_derivative(f: ca.SX, inertia: ca.SX) -> ca.SX:
+    """Map a step (3, 3) to D+ with ``d m+ = D+ beta``, ``D+ = tr(f J_d) I - f J_d``."""
     a = f @ nonstandard(inertia)
-    size = ca.trace(a)
-    return size * ca.SX.eye(3) - a, (size * ca.SX.eye(3) - f.T @ nonstandard(inertia)) @ f.T
+    return ca.trace(a) * ca.SX.eye(3) - a
+
+
+def derivative_before(f: ca.SX, d_after: ca.SX, after: ca.SX) -> ca.SX:
+    """Map a step (3, 3), its D+ and m+ to D- with ``d m- = D- beta``, ``D- = f^T (D+ + m+^x)``."""
+    return f.T @ (d_after + hat(after))
 
 
 def multiplier_matrix(after: ca.SX, before: ca.SX, inertia: ca.SX) -> ca.SX:
     """Return Z of ``after . m+ - before . m- = -tr(Z f)``."""
     j_d = nonstandard(inertia)
     return j_d @ hat(after) - hat(before) @ j_d
+
+
+def congruence(a: ca.SX, weighted: ca.SX) -> ca.SX:
+    """Return ``a^T w`` (3, 3), known to be symmetric, from its upper part."""
+    return symmetric_from(ca.vertcat(*(
+        ca.dot(a[:, i], weighted[:, j]) for i in range(3) for j in range(i, 3))))
 
 
 def left_gradient(s: ca.SX) -> ca.SX:

@@ -83,7 +83,7 @@ def _chart(structure: Structure, read: Read, weight: ca.SX, p: Parameters) -> _C
     log_derivative = right_jacobian_inverse(-quaternion_log(free))
     if structure.symmetric:
         step = rotation_from_quaternion(free)
-        to_left = form.inverse_of(form.momentum_derivatives(step, p.inertia)[0])
+        to_left = form.inverse_of(form.momentum_derivative(step, p.inertia))
         multiplier = to_left.T @ (log_derivative.T @ weight[3:6])
         by_left -= form.left_hessian(
             step @ form.multiplier_matrix(multiplier, ca.SX.zeros(3), p.inertia))

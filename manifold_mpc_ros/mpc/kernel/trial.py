@@ -45,7 +45,7 @@ def _turned_step(step: ca.SX, beta: ca.SX) -> ca.SX:
 
 def principal(step: ca.SX, inertia: ca.SX) -> ca.SX:
     """Return det D+ of a step, positive on the principal branch around the identity."""
-    d = form.momentum_derivatives(rotation_from_quaternion(step), inertia)[0]
+    d = form.momentum_derivative(rotation_from_quaternion(step), inertia)
     return ca.dot(d[:, 0], ca.cross(d[:, 1], d[:, 2]))
 
 

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import casadi as ca
@@ -95,7 +95,7 @@ class _Graph:
 
 
 class Part:
-    """Some phases as one function, called on memory of numpy arrays."""
+    """Some phases as one function of memory that lies still."""
 
     def __init__(self, name: str, phases: Iterable[Phase], horizon: int) -> None:
         """Build the graph."""
@@ -105,15 +105,25 @@ class Part:
         self._reads, self._writes = list(graph.inputs), graph.written
         self._function = ca.Function(name, list(graph.inputs.values()),
                                      [ca.densify(graph.values[slot]) for slot in graph.written])
-        self._buffer, self._evaluate = self._function.buffer()
 
-    def __call__(self, memory: dict[Slot, Array]) -> None:
-        """Read from and write to the memory, each field flat in column-major order."""
+    def bind(self, memory: dict[Slot, Array]) -> Callable[[], None]:
+        """Return what runs the part on this memory, each field flat in column-major order.
+
+        The function may write a result before it has read all arguments: results get memory of
+        their own and are copied.
+        """
+        buffer, evaluate = self._function.buffer()
         results = [np.empty(memory[slot].size) for slot in self._writes]
+        targets = [memory[slot] for slot in self._writes]
         for i, slot in enumerate(self._reads):
-            self._buffer.set_arg(i, memory[slot].data)
+            buffer.set_arg(i, memory[slot].data)
         for i, result in enumerate(results):
-            self._buffer.set_res(i, result.data)
-        self._evaluate()
-        for slot, result in zip(self._writes, results):
-            memory[slot][:] = result
+            buffer.set_res(i, result.data)
+        pairs = list(zip(targets, results))
+
+        def run() -> None:
+            assert buffer is not None  # which evaluate points into, so keep it
+            evaluate()
+            for target, result in pairs:
+                target[:] = result
+        return run

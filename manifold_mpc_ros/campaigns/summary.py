@@ -10,21 +10,24 @@ from typing import Any
 
 import numpy as np
 
+from manifold_mpc_ros.campaigns.outcome import Outcome
 from manifold_mpc_ros.config import AttitudeMpcConfig
-from manifold_mpc_ros.sim.campaign_outcome import MOST_CHANGES, Outcome
 
-# Cases listed as the slowest to settle, and of those where a solve did not converge.
-SLOWEST, LISTED = 5, 20
+# Cases listed as the worst in some way, and of those where a solve did not converge.
+WORST, LISTED = 5, 20
+# A turn that changes more often than this chatters.
+MOST_CHANGES = 1
 
 
 def summarise(outcomes: Sequence[Outcome], config: AttitudeMpcConfig) -> dict[str, Any]:
-    """Map the outcomes of one kind of case, at least one, to their figures.
+    """Map the outcomes of one set, at least one, to their figures.
 
     Nothing here depends on the machine or on how the work was shared; `solve_times` does.
     """
     settled = [o.settled_s for o in outcomes if o.settled_s is not None]
     by_time = sorted((o for o in outcomes if o.settled_s is not None),
                      key=lambda o: (-(o.settled_s or 0.0), o.name))
+    by_error = sorted(outcomes, key=lambda o: (-o.final_angle_deg, o.name))
     changes = [o.changes for o in outcomes]
     times, counts = np.unique(settled, return_counts=True)
     figures: dict[str, Any] = {
@@ -32,7 +35,9 @@ def summarise(outcomes: Sequence[Outcome], config: AttitudeMpcConfig) -> dict[st
         'settled': len(settled),
         'settling_s': _quantiles(settled),
         'settling_histogram': {'settled_s': times.tolist(), 'loops': counts.tolist()},
-        'slowest': [{'case': o.name, 'settled_s': o.settled_s} for o in by_time[:SLOWEST]],
+        'slowest': [{'case': o.name, 'settled_s': o.settled_s} for o in by_time[:WORST]],
+        'farthest_at_the_end': [
+            {'case': o.name, 'final_angle_deg': o.final_angle_deg} for o in by_error[:WORST]],
         'turn_changes_most': max(changes),
         'loops_with_turn_changes': {str(n): k for n, k in sorted(Counter(changes).items())},
         'chattering_loops': sum(n > MOST_CHANGES for n in changes),
@@ -50,6 +55,7 @@ def summarise(outcomes: Sequence[Outcome], config: AttitudeMpcConfig) -> dict[st
         'lost_loops': sum(o.lost for o in outcomes),
         'largest_torque_n_m': _axes_max([o.largest_torque_n_m for o in outcomes]),
         'largest_rate_rad_s': _axes_max([o.largest_rate_rad_s for o in outcomes]),
+        'final_angle_deg': _quantiles([o.final_angle_deg for o in outcomes]),
         'largest_initial_angle_deg': max(o.initial_angle_deg for o in outcomes),
         'broken_loops': sum(bool(o.broken) for o in outcomes),
     }

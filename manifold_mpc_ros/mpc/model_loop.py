@@ -1,0 +1,101 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Closed loops at the speed of the compiled solver, on a body that steps as the model does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from manifold_mpc_ros.mpc.attitude_mpc import (
+    LEAST_PROMISE,
+    PROMISE,
+    SEARCH_ANGLE_RAD,
+    VIOLATION,
+    AttitudeMpc,
+)
+from manifold_mpc_ros.mpc.kernel.solver import Course, Recording
+from manifold_mpc_ros.mpc.scaling import Array
+from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
+
+
+@dataclass(frozen=True)
+class ModelLoop:
+    """A closed loop of T ticks.
+
+    Measured ``R_NB`` (T, 3, 3) and ``omega_BN_B`` (T, 3) [rad/s], commanded ``torque_B_n_m``
+    (T, 3), value ``cost`` (T,) of each plan, solver ``passes`` (T,). ``searches`` counts the ticks
+    that searched globally; ``exceptions`` are the statuses other than 'converged'.
+    """
+
+    R_NB: Array
+    omega_BN_B: Array
+    torque_B_n_m: Array
+    cost: Array
+    passes: NDArray[np.int_]
+    searches: int
+    exceptions: tuple[SolveStatus, ...]
+
+
+class LoopingMpc(AttitudeMpc):
+    """The controller with a body to control: ticks that need no search run without Python."""
+
+    def close_loop(self, R_NB: ArrayLike, omega_BN_B: ArrayLike, ticks: int, *,
+                   inertia_kg_m2: ArrayLike | None = None,
+                   disturbance_B_n_m: ArrayLike | None = None) -> ModelLoop:
+        """Close the loop from a cold start to the identity; the ticks are those of `solve`.
+
+        The body steps by the LGVI with the controller's step and forcing. It may have an inertia
+        (3, 3) of its own and a constant disturbance torque (3,) in body axes.
+        """
+        recording, unit = Recording.of(ticks), self._unit
+        self._set_body(inertia_kg_m2, disturbance_B_n_m)
+        self.reset()
+        R, omega = np.asarray(R_NB, dtype=float), np.asarray(omega_BN_B, dtype=float)
+        tick, searches, exceptions = 0, 0, []
+        while tick < ticks:
+            solution = self.solve(R, omega)
+            searches += solution.searched
+            if solution.status != SolveStatus.CONVERGED:
+                exceptions.append(solution.status)
+            self._record(recording, tick, R, omega, solution)
+            tick = self._follow(recording, tick + 1)
+            state = self._strict.state()
+            R, omega = state[:9].reshape(3, 3), state[9:] * unit.rate_rad_s
+        return ModelLoop(
+            recording.states[:, :9].reshape(-1, 3, 3), recording.states[:, 9:] * unit.rate_rad_s,
+            recording.torques * unit.torque_n_m, recording.costs * unit.cost, recording.passes,
+            searches, tuple(exceptions))
+
+    def _set_body(self, inertia_kg_m2: ArrayLike | None, disturbance_B_n_m: ArrayLike | None
+                  ) -> None:
+        """Hand the body to the solver, the model where nothing else is said."""
+        unit = self._unit
+        inertia = self.config.inertia_kg_m2 if inertia_kg_m2 is None else inertia_kg_m2
+        disturbance = np.zeros(3) if disturbance_B_n_m is None else disturbance_B_n_m
+        self._strict.set_body(
+            np.asarray(inertia, dtype=float) / (unit.torque_n_m * unit.time_s ** 2),
+            np.asarray(disturbance, dtype=float) / unit.torque_n_m)
+
+    def _record(self, recording: Recording, tick: int, R_NB: Array, omega_BN_B: Array,
+                solution: AttitudeMpcSolution) -> None:
+        """Write one tick and move the body on."""
+        unit = self._unit
+        recording.states[tick] = np.concatenate([R_NB.ravel(), omega_BN_B * unit.time_s])
+        recording.torques[tick] = solution.torque_B_n_m / unit.torque_n_m
+        recording.costs[tick] = solution.cost / unit.cost
+        recording.passes[tick] = solution.iterations
+        self._strict.advance(recording.torques[tick])
+
+    def _follow(self, recording: Recording, tick: int) -> int:
+        """Run the ticks that need no search; return the first that does."""
+        if not self._inside or self._promised is None:
+            return tick
+        course = Course(near_rad=SEARCH_ANGLE_RAD, violation=VIOLATION, promise=PROMISE,
+                        least_promise=LEAST_PROMISE, promised=self._promised,
+                        ticks=len(recording.costs))
+        tick = self._strict.follow(self._plan, course, recording, tick)
+        self._promised = float(course.promised)
+        return tick

@@ -1,0 +1,108 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The model of a pass is the second-order expansion of the merit that its trial evaluates.
+
+Along the Newton step d of a merit phi with gradient g and exact Hessian H, ``phi' = g . d`` and
+``phi'' = d . H d`` are minus and plus the expected decrease. Both are taken by differences of
+trials, which share no derivative with the model. A start on the central path has multipliers
+mu / slack, so the model's Hessian is the barrier's own.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from cases import CERTIFIED, LIMITED, LIMITS, REFERENCE, configuration
+from numpy.typing import NDArray
+from strategies import INERTIAS, generator
+
+from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.mpc import search
+from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
+from manifold_mpc_ros.mpc.kernel import fields as f
+from manifold_mpc_ros.mpc.kernel.interpreted import InterpretedSolver
+
+Array = NDArray[np.float64]
+
+ODD: dict[str, Any] = {
+    'inertia_kg_m2': INERTIAS['off_diagonal'], 'horizon': 6,
+    'torque_weight': [[2.0, 0.3, 0.0], [0.3, 1.5, -0.2], [0.0, -0.2, 1.0]],
+    'attitude_weight': [[1.0, 0.2, 0.0], [0.2, 1.4, 0.1], [0.0, 0.1, 0.7]]}
+KINDS: dict[str, dict[str, Any]] = {
+    'free paper': {**REFERENCE, **ODD},
+    'free symmetric': {**REFERENCE, **ODD, 'forcing': 'symmetric'},
+    'limited paper': {**LIMITED, **ODD},
+    'limited symmetric': {**LIMITED, **ODD, 'forcing': 'symmetric'},
+    'certified': {**CERTIFIED, 'horizon': 12},
+    'certified paper': {**LIMITS, 'horizon': 12},
+    'pointing': {**LIMITED, 'target': 'pointing', 'forcing': 'symmetric', 'horizon': 6},
+    'certified pointing': {**LIMITS, 'target': 'pointing', 'horizon': 9},
+}
+
+
+class Probe(InterpretedSolver):
+    """The virtual machine's solver with its parts laid open."""
+
+    def modelled(self, mu: float) -> tuple[float, float]:
+        """Model the plan at a barrier parameter; return expected decrease and stationarity."""
+        self._at(f.BARRIER)[:] = self._mu = mu
+        self._at(f.EXACT)[:] = 1.0
+        self._run('backward')
+        stationarity, _, decrease, _ = self._at(f.RESIDUALS).tolist()
+        return decrease, stationarity
+
+    def merit(self, length: float) -> float:
+        """Return the merit of a trial of some length."""
+        self._at(f.LENGTH)[:] = length
+        self._run('trial')
+        cost, logs, _ = self._at(f.SUMS).tolist()
+        return float(cost - self._mu * logs)
+
+
+@pytest.fixture(scope='module', params=sorted(KINDS))
+def probe(request: pytest.FixtureRequest) -> Probe:
+    """Return a probe of each kind of problem."""
+    solver = AttitudeMpc(configuration(**KINDS[request.param]), backend='vm')._strict
+    assert isinstance(solver, InterpretedSolver)
+    solver.__class__ = Probe
+    assert isinstance(solver, Probe)
+    return solver
+
+
+def starts(probe: Probe, n: int, mu: float) -> Any:
+    """Yield n random states from which a central start keeps clear of its multipliers' cap."""
+    rng, found = generator('model'), 0
+    while found < n:
+        R, omega = so3.random_rotations(rng, 1)[0], rng.uniform(-0.1, 0.1, 3)
+        probe.measure(R, np.eye(3), omega)
+        probe.begin_slew(mu, np.zeros(3), 1)
+        duals = probe._plan.field(f.RATE_DUAL)[1:] if probe.structure.rate_box else np.zeros(1)
+        level = probe._plan.field(f.LEVEL)[-1, 2] if probe.structure.terminal_set else 0.0
+        if duals.max() < 9.9 and level < 9.9:
+            found += 1
+            yield R, omega
+
+
+def test_the_model_is_the_expansion_of_the_merit(probe: Probe) -> None:
+    mu, h = search.COLD_BARRIER, 1e-4
+    for _ in starts(probe, 3, mu):
+        decrease, stationarity = probe.modelled(mu)
+        assert decrease > 1e-3
+        assert stationarity > 1e-3
+        low, middle, high = (probe.merit(length) for length in (-h, 0.0, h))
+        scale = decrease + 1e-7 * abs(middle) / h
+        assert abs((high - low) / (2 * h) + decrease) < 1e-5 * scale
+        assert abs((high - 2 * middle + low) / h**2 - decrease) < 1e-3 * scale + 1e-6 / h
+
+
+def test_a_wrong_gradient_would_be_seen(probe: Probe) -> None:
+    """The same comparison fails when the plan is not the one that was modelled."""
+    mu, h = search.COLD_BARRIER, 1e-4
+    states = list(starts(probe, 2, mu))
+    decrease, _ = probe.modelled(mu)
+    probe.measure(states[0][0], np.eye(3), states[0][1])
+    probe.begin_slew(mu, np.zeros(3), 1)
+    slope = (probe.merit(h) - probe.merit(-h)) / (2 * h)
+    assert abs(slope + decrease) > 1e-2 * decrease
