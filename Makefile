@@ -5,7 +5,7 @@
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help setup test lint types pytest coverage demo figures clean
+.PHONY: help setup test lint types pytest coverage demo figures bench clean
 
 # The first that runs; the ROS wheels are tested with 3.11. Override with PYTHON=...
 PYTHON ?= $(firstword $(foreach p,python3.11 python3,$(shell $(p) -c '' 2> /dev/null && echo $(p))))
@@ -13,12 +13,15 @@ VENV := .venv
 BIN := $(VENV)/bin
 DEPENDENCIES := $(VENV)/.dependencies-installed
 STAMP := $(VENV)/.package-installed
+# Packages that `make bench` compares with and that would get in the way elsewhere.
+PEERS := $(VENV)/peers
 
 # Files of tests go to this many processes; every test over DDS locks a domain of its own.
 TEST_WORKERS ?= 2
 PYTEST_ARGS ?=
 DEMO_ARGS ?=
 FIGURES_ARGS ?=
+BENCH_ARGS ?=
 
 # Nodes of the tests and of the demo talk on this machine only.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
@@ -34,7 +37,7 @@ help:  ## Show this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 	@echo
 	@echo '  PYTHON=...       the interpreter that .venv is made from ($(PYTHON))'
-	@echo '  PYTEST_ARGS=...  more arguments for pytest, likewise DEMO_ARGS, FIGURES_ARGS'
+	@echo '  PYTEST_ARGS=...  more arguments for pytest, likewise DEMO_ARGS, FIGURES_ARGS, BENCH_ARGS'
 
 setup: $(STAMP)  ## Create .venv and install the package with ROS 2 and the test tools
 
@@ -56,7 +59,8 @@ DECIDES := manifold_mpc_ros/safety/*,manifold_mpc_ros/nodes/gate.py,manifold_mpc
 DECIDES_TESTS := test/safety test/nodes/test_gate.py test/nodes/test_gate_properties.py \
     test/nodes/test_tick.py test/nodes/test_tick_faults.py test/nodes/test_tick_promise.py
 coverage: $(STAMP)  ## Branch coverage of the mode logic and the gates; fails below 95 %
-	@COVERAGE_FILE=build/coverage $(BIN)/python -m coverage run --branch \
+	@mkdir -p build
+	@PROPERTY_EXAMPLES=20 COVERAGE_FILE=build/coverage $(BIN)/python -m coverage run --branch \
 		--include='$(DECIDES)' -m pytest -q $(DECIDES_TESTS) $(PYTEST_ARGS)
 	@COVERAGE_FILE=build/coverage $(BIN)/python -m coverage report --fail-under=95
 
@@ -65,6 +69,9 @@ demo: $(STAMP)  ## Close the loop over DDS: a 180 degree slew with two processes
 
 figures: $(STAMP)  ## Reproduce the four figures of the paper
 	@$(BIN)/manifold-mpc figures $(FIGURES_ARGS)
+
+bench: $(STAMP) $(PEERS)  ## Compare the solver with others, side by side on one core
+	@$(BIN)/manifold-mpc bench $(BENCH_ARGS)
 
 clean:  ## Remove .venv and everything that was built
 	rm -rf $(VENV) build dist install log manifold_mpc_ros.egg-info
@@ -75,6 +82,11 @@ clean:  ## Remove .venv and everything that was built
 $(DEPENDENCIES): setup.py .ci/constraints.txt .ci/setup
 	@PYTHON='$(PYTHON)' .ci/setup $(VENV) dependencies
 	@touch $@
+
+# In a folder of its own: the wheel brings a cut-down CasADi that would replace the real one. Where
+# it cannot be had the comparison goes on without it, and says so.
+$(PEERS): $(DEPENDENCIES)
+	@PYTHON='$(PYTHON)' .ci/setup $(VENV) peers
 
 # Seconds: the executables in .venv run the files of this checkout again.
 $(STAMP): $(DEPENDENCIES) setup.cfg pyproject.toml package.xml \

@@ -25,11 +25,11 @@ TESTS = Path(__file__).resolve().parent.parent / 'test'
 sys.path[:0] = [str(TESTS), str(TESTS / 'mpc')]
 
 from cases import PROBLEMS, cold, configuration, random_states, rest_states  # noqa: E402
-from oracle import Oracle, steps_of  # noqa: E402
 from oracle_starts import starts  # noqa: E402
 from strategies import generator  # noqa: E402
 
 from manifold_mpc_ros import AttitudeMpc, SolveStatus  # noqa: E402
+from manifold_mpc_ros.bench.oracle import Oracle, steps_of  # noqa: E402
 
 TOLERANCE = 1e-6
 LARGEST_RATE_RAD_S = 0.4

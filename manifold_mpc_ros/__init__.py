@@ -6,10 +6,11 @@ from manifold_mpc_ros.config import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
+from manifold_mpc_ros.mpc.batch import BatchMpc
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 from manifold_mpc_ros.theory.design import TerminalDesign
 
 __all__ = [
-    'AttitudeMpc', 'AttitudeMpcConfig', 'AttitudeMpcSolution', 'ManifoldMpcError', 'SolveStatus',
-    'TerminalDesign', 'lgvi_step',
+    'AttitudeMpc', 'AttitudeMpcConfig', 'AttitudeMpcSolution', 'BatchMpc', 'ManifoldMpcError',
+    'SolveStatus', 'TerminalDesign', 'lgvi_step',
 ]

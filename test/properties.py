@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+import os
 
 import numpy as np
 from hypothesis import HealthCheck, settings
@@ -14,7 +15,7 @@ from strategies import Array, drawn_rotation_vectors
 from manifold_mpc_ros.lie import so3
 
 #: Every property is tried on this many examples, the same ones in every run.
-EXAMPLES = 2000
+EXAMPLES = int(os.environ.get('PROPERTY_EXAMPLES', '2000'))
 PROPERTY = settings(
     max_examples=EXAMPLES, deadline=None, derandomize=True, database=None,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])

@@ -17,7 +17,7 @@ from manifold_mpc_ros.errors import ManifoldMpcError
 PROGRAM = 'manifold-mpc'
 # One module of this folder for each verb, with SUMMARY, EXAMPLES, add_arguments and run.
 VERBS = ('demo', 'simulate', 'design', 'certify', 'verify', 'domain', 'discontinuity', 'campaign',
-         'record', 'chaos', 'figures')
+         'record', 'chaos', 'bench', 'figures')
 
 EXIT_SUCCESS = 0
 EXIT_NOT_ACHIEVED = 1

@@ -17,7 +17,7 @@ from manifold_mpc_ros.mpc.kernel.build import load_solver
 from manifold_mpc_ros.mpc.kernel.rules import is_converged
 from manifold_mpc_ros.mpc.kernel.solver import LocalSolver, Measure, Plan
 from manifold_mpc_ros.mpc.kernel.structure import Structure
-from manifold_mpc_ros.mpc.scaling import flat_parameters, scaling_of
+from manifold_mpc_ros.mpc.scaling import Array, flat_parameters, scaling_of
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 from manifold_mpc_ros.mpc.target import error_angle
 from manifold_mpc_ros.problems.registry import terminal_design
@@ -98,7 +98,7 @@ class AttitudeMpc:
         self._spare = [self._strict.new_plan() for _ in range(2 + len(self._starts))]
         inertia = config.inertia_kg_m2 / (self._unit.torque_n_m * self._unit.time_s ** 2)
         self._guard_squared = float(np.linalg.eigvalsh(inertia)[0]) ** 2
-        self._R_ND = np.eye(3)
+        self._R_ND = _IDENTITY
         self._promised: float | None = None
         self._inside = True
         self._deadline_s = math.inf
@@ -152,19 +152,21 @@ class AttitudeMpc:
         attitude = self._R_NB = np.asarray(R_NB, dtype=float)
         omega = self._omega = np.asarray(omega_BN_B, dtype=float)
         target = _IDENTITY if R_ND is None else np.asarray(R_ND, dtype=float)
-        if not math.isfinite(attitude.sum() + omega.sum() + target.sum()):
-            return None
-        if target is not self._R_ND and not np.array_equal(target, self._R_ND):
-            if error_angle(self.config, target.T @ self._R_ND) > SETPOINT_MOVED_RAD:
-                self.reset()
-            self._R_ND = target.copy()
-        rate = omega * self._unit.time_s
+        rate, self._begun_s = omega * self._unit.time_s, self._elapsed_s()
         measure = self._strict.measure(attitude, target, rate)
+        if measure.defect > ROTATION_DEFECT or measure.momentum_squared >= self._guard_squared:
+            return None
         if self._relaxed is not self._strict:
             self._relaxed.measure(attitude, target, rate)
-        sound = (measure.defect <= ROTATION_DEFECT
-                 and measure.momentum_squared < self._guard_squared)
-        return measure if sound else None
+        if target is not self._R_ND and not np.array_equal(target, self._R_ND):
+            self._aim(target)
+        return measure
+
+    def _aim(self, target: Array) -> None:
+        """Forget the warm start where the commanded attitude has moved."""
+        if error_angle(self.config, target.T @ self._R_ND) > SETPOINT_MOVED_RAD:
+            self.reset()
+        self._R_ND = target if target is _IDENTITY else target.copy()
 
     def _find_plan(self, measure: Measure) -> tuple[Plan | None, int, bool]:
         """Return the plan, the passes used, and whether the global search ran.
@@ -248,7 +250,12 @@ class AttitudeMpc:
             status=self._status(plan, violation), kkt_residual=plan.progress.residual,
             violation=violation, searched=searched,
             promised_cost=(cost - report.first_cost) * unit.cost,
-            terminal_ratio=report.first_level)
+            terminal_ratio=report.first_level, local_time_s=self._elapsed_s() - self._begun_s)
+
+    def _elapsed_s(self) -> float:
+        """Return the time that the local solvers have taken so far [s]."""
+        solvers = {id(solver): solver for solver in (self._strict, self._relaxed)}
+        return sum(solver.elapsed_s for solver in solvers.values())
 
     def _status(self, plan: Plan, violation: float) -> SolveStatus:
         """Return how a solve ended."""

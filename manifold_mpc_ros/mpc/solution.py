@@ -37,7 +37,8 @@ class AttitudeMpcSolution:
     largest relative violation of a state limit or of the terminal set (0 when none);
     ``searched`` says whether the global search ran. ``promised_cost`` is ``V - L(x0, u0)``, the
     bound that the theory puts on the next tick's cost; ``terminal_ratio`` is ``xi^T P xi / c`` of
-    the measured state, at most 1 inside the terminal set. ``solve_time_s`` is the whole call.
+    the measured state, at most 1 inside the terminal set. ``solve_time_s`` is the whole call,
+    ``local_time_s`` the part of it that the local solver took, without the Python around it.
     """
 
     torque_B_n_m: Array
@@ -53,3 +54,4 @@ class AttitudeMpcSolution:
     searched: bool
     promised_cost: float
     terminal_ratio: float
+    local_time_s: float = float('nan')

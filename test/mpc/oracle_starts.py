@@ -9,8 +9,8 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from oracle import Optimum, Oracle, Steps, steps_of
 
+from manifold_mpc_ros.bench.oracle import Optimum, Oracle, Steps, steps_of
 from manifold_mpc_ros.config import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.errors import StepExistenceError

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 from cases import configuration
-from oracle import Oracle
 from oracle_starts import best
 from strategies import generator
 
+from manifold_mpc_ros.bench.oracle import Oracle
 from manifold_mpc_ros.config import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step, step_rotation
 from manifold_mpc_ros.errors import ConfigurationError

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 from cases import LIMITED, PROBLEMS, REFERENCE, cold, random_states, rest_states
 from numpy.typing import NDArray
-from oracle import Oracle, steps_of
 from oracle_starts import best
 from strategies import generator, half_turns
 
+from manifold_mpc_ros.bench.oracle import Oracle, steps_of
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.solution import SolveStatus

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 from cases import LIMITS, configuration
-from oracle import Oracle
 from oracle_starts import best
 from strategies import generator, half_turns, unit_vectors
 
+from manifold_mpc_ros.bench.oracle import Oracle
 from manifold_mpc_ros.errors import DesignError
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc

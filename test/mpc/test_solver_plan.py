@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from cases import CERTIFIED, LIMITED, LIMITS, REFERENCE, cold, random_states, rest_states
 from numpy.typing import NDArray
-from oracle import Oracle, steps_of
 from oracle_starts import best
 from reference import plan_cost, roll_out
 from strategies import INERTIAS, generator, half_turns
 
+from manifold_mpc_ros.bench.oracle import Oracle, steps_of
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus

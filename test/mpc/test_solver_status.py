@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from cases import CERTIFIED, LIMITED, LIMITS, cold, random_states, rest_states
 from numpy.typing import NDArray
-from oracle import Oracle
 from oracle_starts import best
 from reference import advance, chart, closed_loop
 from strategies import generator, half_turns, unit_vectors
 
+from manifold_mpc_ros.bench.oracle import Oracle
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus

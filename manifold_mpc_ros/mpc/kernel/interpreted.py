@@ -17,6 +17,7 @@ from manifold_mpc_ros.mpc.kernel.layout import memory_fields
 from manifold_mpc_ros.mpc.kernel.passes import Program
 from manifold_mpc_ros.mpc.kernel.phase import Field, Memory
 from manifold_mpc_ros.mpc.kernel.solver import (
+    UNUSABLE,
     Course,
     LocalSolver,
     Measure,
@@ -76,7 +77,7 @@ class InterpretedSolver(LocalSolver):
         self._at(f.PARAMETER)[:] = parameters
         self._at(f.INNER)[:n] = 1.0
         self._at(f.LATER)[1:] = 1.0
-        self._cost = self._logs = self._mu = 0.0
+        self._cost = self._logs = self._mu = self._elapsed_s = 0.0
         self._exact = 1.0
         self._stationarity = self._products = self._decrease = math.inf
         self._flag, self._passes = rules.STALLED, 0
@@ -99,6 +100,8 @@ class InterpretedSolver(LocalSolver):
     def measure(self, R_NB: Array, R_ND: Array, omega: Array) -> Measure:
         """Set the state."""
         self._at(f.MEASURED)[:] = np.concatenate([R_NB.ravel(), R_ND.ravel(), omega])
+        if not math.isfinite(self._at(f.MEASURED).sum()):
+            return UNUSABLE
         self._run('measure')
         return Measure(*self._at(f.MEASURE).tolist())
 
@@ -108,6 +111,7 @@ class InterpretedSolver(LocalSolver):
 
     def begin_slew(self, mu: float, lean: Array, lean_steps: int) -> None:
         """Start from the slew law."""
+        begun_s = time.monotonic()
         self._at(f.BARRIER)[:] = self._mu = mu
         leans = self._at(f.LEAN).reshape(-1, 3)
         leans[:] = 0.0
@@ -115,14 +119,17 @@ class InterpretedSolver(LocalSolver):
         self._run('slew')
         self._run('cold')
         self._begin()
+        self._elapsed_s += time.monotonic() - begun_s
 
     def begin_shift(self, mu: float, plan: Plan) -> None:
         """Start from a plan, one stage ahead."""
         assert isinstance(plan, InterpretedPlan)
+        begun_s = time.monotonic()
         self._at(f.BARRIER)[:] = self._mu = mu
         self._run('shift', plan)
         self._run('warm', plan)
         self._begin()
+        self._elapsed_s += time.monotonic() - begun_s
 
     def _begin(self) -> None:
         self._take_fresh()
@@ -181,11 +188,13 @@ class InterpretedSolver(LocalSolver):
 
     def iterate(self, most: int, deadline_s: float = math.inf) -> None:
         """Run passes."""
+        begun_s = time.monotonic()
         while self._flag == rules.RUNNING and self._passes < most:
             if self._passes and time.monotonic() > deadline_s:
                 self._flag = rules.OUT_OF_TIME
             else:
                 self._one_pass()
+        self._elapsed_s += time.monotonic() - begun_s
 
     def improve(self, plan: Plan, deadline_s: float = math.inf) -> int:
         """Improve a plan, one stage ahead."""
@@ -238,6 +247,11 @@ class InterpretedSolver(LocalSolver):
         """How far the solve is."""
         return Progress(self._cost, max(self._stationarity, self._products), self._flag,
                         self._passes)
+
+    @property
+    def elapsed_s(self) -> float:
+        """Time that starts and passes have taken so far [s]."""
+        return self._elapsed_s
 
     def new_plan(self) -> InterpretedPlan:
         """Return memory for a plan."""

@@ -21,7 +21,12 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from manifold_mpc_ros.lie.symbolic import rotation_from_quaternion, trace_hessian
+from manifold_mpc_ros.dynamics.symbolic import solve_3x3
+from manifold_mpc_ros.lie.symbolic import (
+    rotation_from_quaternion,
+    trace_hessian,
+    vee_of_skew_part,
+)
 from manifold_mpc_ros.mpc.kernel import fields as f
 from manifold_mpc_ros.mpc.kernel import step_form as form
 from manifold_mpc_ros.mpc.kernel.barrier import (
@@ -89,7 +94,7 @@ def _turn_terms(g: ca.SX, read: Read, p: Parameters) -> dict[Field, ca.SX]:
     """Return gradient and Hessian of ``tr(Qg (I - g))`` by a spatial turn."""
     s, inner = g @ p.attitude_weight, read(f.INNER)
     hessian = blend(read(f.EXACT), form.left_hessian(s), trace_hessian(p.attitude_weight))
-    return {f.TURN_GRADIENT: inner * form.left_gradient(s),
+    return {f.TURN_GRADIENT: inner * vee_of_skew_part(s),
             f.TURN_HESSIAN: form.upper_part(inner * hessian)}
 
 
@@ -115,7 +120,7 @@ def paper_node_phase(structure: Structure) -> Phase:
         weighted = out @ before
         hessian = (form.congruence(after, into @ after) + form.congruence(before, weighted)
                    + form.congruence(g.T, curved @ g.T))
-        move_force = g @ form.left_gradient(lagrangian)
+        move_force = g @ vee_of_skew_part(lagrangian)
         gradient = (move_force + after.T @ (read(f.PULL, -1) + rates.pull - force_into)
                     - before.T @ (where(inner, read(f.PULL)) - force))
         return {**_turn_terms(g, read, p),
@@ -145,8 +150,8 @@ def symmetric_node_phase(structure: Structure) -> Phase:
         g = rotation_from_quaternion(read(f.ATTITUDE))
         free = rotation_from_quaternion(read(f.FREE))
         rates = _rate_terms(structure, read, p)
-        by_momentum = form.inverse_of(form.momentum_derivative(free, p.inertia))
-        gradient = by_momentum.T @ form.left_gradient(free @ p.rate_weight)
+        by_momentum = solve_3x3(form.momentum_derivative(free, p.inertia), ca.SX.eye(3))
+        gradient = by_momentum.T @ vee_of_skew_part(free @ p.rate_weight)
         curved = form.left_hessian(free @ (
             p.rate_weight - form.multiplier_matrix(gradient, ca.SX.zeros(3), p.inertia)))
         hessian = form.congruence(by_momentum, blend(
@@ -183,7 +188,7 @@ def symmetric_transition_phase(structure: Structure) -> Phase:
                 f.CONTROL_HESSIAN: form.upper_part(
                     form.congruence(by_control, weighted) + curved),
                 f.STAGE_RESIDUAL: largest(
-                    g @ form.left_gradient(lagrangian) + read(f.TURN_COSTATE))}
+                    g @ vee_of_skew_part(lagrangian) + read(f.TURN_COSTATE))}
 
     return phase('transition', expression)
 

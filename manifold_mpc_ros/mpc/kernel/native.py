@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from manifold_mpc_ros.mpc.kernel import fields as f
 from manifold_mpc_ros.mpc.kernel.layout import first_row, rows_of
 from manifold_mpc_ros.mpc.kernel.phase import Field, Memory
 from manifold_mpc_ros.mpc.kernel.solver import (
+    UNUSABLE,
     Course,
     LocalSolver,
     Measure,
@@ -136,6 +138,8 @@ class NativeSolver(LocalSolver):
         g[_MEASURED:_MEASURED + 9] = R_NB.ravel()
         g[_MEASURED + 9:_MEASURED + 18] = R_ND.ravel()
         g[_MEASURED + 18:_MEASURED + 21] = omega
+        if not math.isfinite(g[_MEASURED:_MEASURED + 21].sum()):
+            return UNUSABLE
         self._library.measure(self._address)
         return Measure(*g[_MEASURE:_MEASURE + 6].tolist())
 
@@ -194,7 +198,7 @@ class NativeSolver(LocalSolver):
 
     @property
     def elapsed_s(self) -> float:
-        """Time spent in compiled starts and passes so far [s]."""
+        """Time that starts and passes have taken so far [s]."""
         return float(self._solve.elapsed_s)
 
     def new_plan(self) -> NativePlan:

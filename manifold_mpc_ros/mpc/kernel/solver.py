@@ -86,6 +86,10 @@ class Measure(NamedTuple):
     weakness: float
 
 
+#: What is said of a state that is not finite.
+UNUSABLE = Measure(np.inf, np.inf, np.nan, np.nan, np.nan, np.nan)
+
+
 class Course(ctypes.Structure):
     """A closed loop that the solver runs by itself: when to stop, and what is recorded.
 
@@ -178,6 +182,11 @@ class LocalSolver(ABC):
     @abstractmethod
     def progress(self) -> Progress:
         """How far the solve is."""
+
+    @property
+    @abstractmethod
+    def elapsed_s(self) -> float:
+        """Time that starts and passes have taken so far [s]."""
 
     @abstractmethod
     def new_plan(self) -> Plan:

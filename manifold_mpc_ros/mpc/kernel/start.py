@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from manifold_mpc_ros.dynamics import scalar_form
 from manifold_mpc_ros.dynamics.symbolic import solve_3x3
 from manifold_mpc_ros.lie.symbolic import quaternion_product
 from manifold_mpc_ros.mpc.kernel import fields as f
@@ -27,10 +26,10 @@ from manifold_mpc_ros.mpc.kernel.barrier import (
     elastic_start,
     product,
 )
+from manifold_mpc_ros.mpc.kernel.implicit import implicit_step
 from manifold_mpc_ros.mpc.kernel.phase import Field, Order, Phase, Read, phase
 from manifold_mpc_ros.mpc.kernel.structure import RATE_PENALTY, TERMINAL_PENALTY, Structure
 from manifold_mpc_ros.mpc.kernel.terminal import coordinates, error_vector, form_of
-from manifold_mpc_ros.mpc.kernel.trial import principal
 from manifold_mpc_ros.mpc.scaling import Parameters, unpack
 
 # Fractions of the limits that a starting trajectory uses.
@@ -40,9 +39,6 @@ _BRAKING_FRACTION = 0.6
 # A starting slew turns at most this much per step [rad], and loads the existence guard so far.
 _FREE_RATE = 0.7
 _GUARD_FRACTION = 0.6
-_NEWTON_STEPS = 5
-_NEWTON_STEPS_NEAR = 3
-_STEP_RESIDUAL = 1e-9
 # Largest distance of a starting torque from its limit, as a fraction of it.
 _LARGEST_MARGIN = 0.1
 # Multipliers of a shifted plan stay above the central ones divided by this.
@@ -101,23 +97,6 @@ def _clip(torque: ca.SX, limit: ca.SX) -> ca.SX:
     return ca.fmin(ca.fmax(torque, -limit), limit)
 
 
-def _implicit_step(momentum: ca.SX, p: Parameters, guess: ca.SX | None = None
-                   ) -> tuple[ca.SX, ca.SX]:
-    """Return the unit quaternion of the step with m+ = momentum, and its soundness.
-
-    ``guess`` is the quaternion of a step near it.
-    """
-    m, rows = form.entries(momentum), form.rows(p.inertia)
-    near = p.inertia_inverse @ momentum / 2 if guess is None else guess[1:4] / guess[0]
-    c = form.entries(near)
-    for _ in range(_NEWTON_STEPS if guess is None else _NEWTON_STEPS_NEAR):
-        c = scalar_form.add(c, scalar_form.newton_step(c, m, rows))
-    residual = ca.mmax(ca.fabs(ca.vertcat(*scalar_form.cayley_residual(c, m, rows))))
-    longer = ca.vertcat(1, *c)
-    step = longer / ca.sqrt(ca.dot(longer, longer))
-    return step, ca.fmin(_STEP_RESIDUAL - residual, principal(step, p.inertia))
-
-
 class _Node(NamedTuple):
     """Attitude, momentum and free step of the node that a roll-out has reached."""
 
@@ -130,7 +109,7 @@ class _Node(NamedTuple):
 def _reached(read: Read, p: Parameters, guess: ca.SX | None = None) -> _Node:
     """Return the node of stage k: the measured one at k = 0."""
     node = ca.if_else(read(f.LATER) != 0, read(f.CHAIN), read(f.START))
-    return _Node(node[0:4], node[4:7], *_implicit_step(node[4:7], p, guess))
+    return _Node(node[0:4], node[4:7], *implicit_step(node[4:7], p, guess))
 
 
 def _advanced(structure: Structure, node: _Node, u: ca.SX, p: Parameters,
@@ -140,7 +119,7 @@ def _advanced(structure: Structure, node: _Node, u: ca.SX, p: Parameters,
     writes = {f.ATTITUDE: node.attitude, f.MOMENTUM: node.momentum, f.FREE: node.free,
               f.TORQUE: u}
     if structure.symmetric:
-        step, also = _implicit_step(node.momentum + u / 2, p, guess)
+        step, also = implicit_step(node.momentum + u / 2, p, guess)
         sound, impulse = ca.fmin(sound, also), u / 2
         writes[f.STEP] = step
     after = form.momenta(step, p.inertia)[1] + impulse

@@ -15,8 +15,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from manifold_mpc_ros.dynamics.scalar_form import Matrix, Vector
-from manifold_mpc_ros.lie.symbolic import hat, trace_hessian
+from manifold_mpc_ros.lie.symbolic import hat, rotation_from_quaternion, trace_hessian
 
 
 def symmetric_from(entries: ca.SX) -> ca.SX:
@@ -55,6 +54,12 @@ def momentum_derivative(f: ca.SX, inertia: ca.SX) -> ca.SX:
     return ca.trace(a) * ca.SX.eye(3) - a
 
 
+def principal(step: ca.SX, inertia: ca.SX) -> ca.SX:
+    """Map the unit quaternion of a step to det D+, positive on the branch of the identity."""
+    d = momentum_derivative(rotation_from_quaternion(step), inertia)
+    return ca.dot(d[:, 0], ca.cross(d[:, 1], d[:, 2]))
+
+
 def derivative_before(f: ca.SX, d_after: ca.SX, after: ca.SX) -> ca.SX:
     """Map a step (3, 3), its D+ and m+ to D- with ``d m- = D- beta``, ``D- = f^T (D+ + m+^x)``."""
     return f.T @ (d_after + hat(after))
@@ -72,27 +77,6 @@ def congruence(a: ca.SX, weighted: ca.SX) -> ca.SX:
         ca.dot(a[:, i], weighted[:, j]) for i in range(3) for j in range(i, 3))))
 
 
-def left_gradient(s: ca.SX) -> ca.SX:
-    """Map ``S = f Z`` to the gradient of ``-tr(Z exp(beta) f)`` at 0, ``vee(S - S^T)``."""
-    return ca.vertcat(s[2, 1] - s[1, 2], s[0, 2] - s[2, 0], s[1, 0] - s[0, 1])
-
-
 def left_hessian(s: ca.SX) -> ca.SX:
     """Map ``S = f Z`` to the Hessian of ``-tr(Z exp(beta) f)`` at 0, ``tr(S) I - sym(S)``."""
     return trace_hessian(symmetric_part(s))
-
-
-def inverse_of(a: ca.SX) -> ca.SX:
-    """Return the inverse of a (3, 3) by cross products."""
-    c0, c1, c2 = ca.cross(a[:, 1], a[:, 2]), ca.cross(a[:, 2], a[:, 0]), ca.cross(a[:, 0], a[:, 1])
-    return ca.horzcat(c0, c1, c2).T / ca.dot(a[:, 0], c0)
-
-
-def entries(v: ca.SX) -> Vector:
-    """Split a vector for :mod:`manifold_mpc_ros.dynamics.scalar_form`."""
-    return v[0], v[1], v[2]
-
-
-def rows(a: ca.SX) -> Matrix:
-    """Split a matrix into its rows, likewise."""
-    return entries(a[0, :]), entries(a[1, :]), entries(a[2, :])

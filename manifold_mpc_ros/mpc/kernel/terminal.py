@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from manifold_mpc_ros.dynamics.symbolic import solve_3x3
 from manifold_mpc_ros.lie.symbolic import (
     direction_log,
     quaternion_log,
@@ -83,7 +84,7 @@ def _chart(structure: Structure, read: Read, weight: ca.SX, p: Parameters) -> _C
     log_derivative = right_jacobian_inverse(-quaternion_log(free))
     if structure.symmetric:
         step = rotation_from_quaternion(free)
-        to_left = form.inverse_of(form.momentum_derivative(step, p.inertia))
+        to_left = solve_3x3(form.momentum_derivative(step, p.inertia), ca.SX.eye(3))
         multiplier = to_left.T @ (log_derivative.T @ weight[3:6])
         by_left -= form.left_hessian(
             step @ form.multiplier_matrix(multiplier, ca.SX.zeros(3), p.inertia))

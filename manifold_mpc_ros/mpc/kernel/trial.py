@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import casadi as ca
 
-from manifold_mpc_ros.dynamics import scalar_form
 from manifold_mpc_ros.lie.symbolic import quaternion_product, rotation_from_quaternion
 from manifold_mpc_ros.mpc.kernel import fields as f
 from manifold_mpc_ros.mpc.kernel import merit
@@ -25,6 +24,7 @@ from manifold_mpc_ros.mpc.kernel.barrier import (
     least,
     product,
 )
+from manifold_mpc_ros.mpc.kernel.implicit import implicit_step
 from manifold_mpc_ros.mpc.kernel.phase import Field, Order, Phase, Read, phase
 from manifold_mpc_ros.mpc.kernel.structure import RATE_PENALTY, TERMINAL_PENALTY, Structure
 from manifold_mpc_ros.mpc.kernel.terminal import form_of
@@ -32,21 +32,12 @@ from manifold_mpc_ros.mpc.scaling import unpack
 
 # A step may turn by at most this much in one trial [rad]: it stays on its branch.
 _LARGEST_TURN = 1.0
-# A Newton residual above this marks a momentum whose free step was not found.
-_STEP_RESIDUAL = 1e-9
-_FREE_NEWTON_STEPS = 3
 
 
 def _turned_step(step: ca.SX, beta: ca.SX) -> ca.SX:
     """Return ``cay(beta / 2) step`` as a unit quaternion, ``exp(beta) step`` to second order."""
     longer = quaternion_product(ca.vertcat(1, beta / 2), step)
     return longer / ca.sqrt(ca.dot(longer, longer))
-
-
-def principal(step: ca.SX, inertia: ca.SX) -> ca.SX:
-    """Return det D+ of a step, positive on the principal branch around the identity."""
-    d = form.momentum_derivative(rotation_from_quaternion(step), inertia)
-    return ca.dot(d[:, 0], ca.cross(d[:, 1], d[:, 2]))
 
 
 def turn_phase(structure: Structure) -> Phase:
@@ -59,7 +50,7 @@ def turn_phase(structure: Structure) -> Phase:
         beta = read(f.LENGTH) * (g.T @ read(increment))
         step = _turned_step(read(field), beta)
         after, before = form.momenta(step, p.inertia)
-        sound = ca.fmin(principal(step, p.inertia), _LARGEST_TURN ** 2 - ca.dot(beta, beta))
+        sound = ca.fmin(form.principal(step, p.inertia), _LARGEST_TURN ** 2 - ca.dot(beta, beta))
         writes = {field: step, f.MOMENTUM_BEFORE: before, f.SOUND_STEP: sound}
         return writes | {f.MOMENTUM_AFTER if structure.symmetric else f.MOMENTUM: after}
 
@@ -81,18 +72,6 @@ def chain_phase(structure: Structure) -> Phase:
     return phase('chain', expression, order=Order.FORWARD, beyond=1)
 
 
-def _free_step(old: ca.SX, momentum: ca.SX, inertia: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Return the free step of a momentum from the one before, and its Newton residual."""
-    m = form.entries(momentum)
-    rows = form.rows(inertia)
-    c = form.entries(old[1:4] / old[0])
-    for _ in range(_FREE_NEWTON_STEPS):
-        c = scalar_form.add(c, scalar_form.newton_step(c, m, rows))
-    residual = ca.vertcat(*scalar_form.cayley_residual(c, m, rows))
-    longer = ca.vertcat(1, *c)
-    return longer / ca.sqrt(ca.dot(longer, longer)), ca.mmax(ca.fabs(residual))
-
-
 def node_phase(structure: Structure) -> Phase:
     """Free step, rate limits and cost of a node."""
     def expression(read: Read) -> dict[Field, ca.SX]:
@@ -100,8 +79,7 @@ def node_phase(structure: Structure) -> Phase:
         momentum, sound = read.new(f.MOMENTUM), ca.SX(1)
         writes: dict[Field, ca.SX] = {}
         if structure.symmetric:
-            free, residual = _free_step(read(f.FREE), momentum, p.inertia)
-            sound = ca.fmin(_STEP_RESIDUAL - residual, principal(free, p.inertia))
+            free, sound = implicit_step(momentum, p, read(f.FREE))
             writes[f.FREE] = free
         else:
             free = read.new(f.FREE)

@@ -1,0 +1,153 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Fill the tables of docs/performance.md from the files that the commands wrote.
+
+    python benchmarks/performance_tables.py
+
+Each table stands between ``<!-- table: NAME -->`` and ``<!-- end -->``; a table whose file is
+not there yet says which command writes it.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+TOP = Path(__file__).resolve().parent.parent
+PAGE, RESULTS = TOP / 'docs' / 'performance.md', TOP / 'docs' / 'results'
+TABLE = re.compile(r'(<!-- table: (\S+) -->\n).*?(<!-- end -->)', re.DOTALL)
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table in markdown."""
+    lines = [header, ['---'] * len(header), *rows]
+    return ''.join(f'| {" | ".join(line)} |\n' for line in lines)
+
+
+def times(data: dict[str, Any], start: str) -> str:
+    """Return one row a solver, one column a horizon: solver's time, median / 99 %."""
+    horizons = data['settings']['horizons']
+    found = {(row['solver'], row['horizon']): row for row in data['rows']
+             if row['start'] == start}
+    names = dict.fromkeys(name for name, _ in found)
+    return table(['solver', *(f'N = {n}' for n in horizons)], [
+        [name, *(_pair(found.get((name, n))) for n in horizons)] for name in names])
+
+
+def _pair(row: dict[str, Any] | None) -> str:
+    """Return median and 99th percentile, with what failed."""
+    if row is None:
+        return '-'
+    failed = f' ({row["failures"]} of {row["solves"]} failed)' if row['failures'] else ''
+    return f'{row["solver_us_median"]:.3g} / {row["solver_us_p99"]:.3g}{failed}'
+
+
+def quality(data: dict[str, Any]) -> str:
+    """Return how often, and by how much at most, a plan is dearer than the best known one."""
+    rows = [row for row in data['rows'] if row['start'] == 'cold']
+    cells = []
+    for name in dict.fromkeys(row['solver'] for row in rows):
+        own = [row for row in rows if row['solver'] == name]
+        turns = [row for row in own if 'half_turn_solves' in row]
+        cells.append([
+            name, f'{sum(row["dearer_than_best_known"] for row in own)} of '
+            f'{sum(row["solves"] for row in own)}',
+            f'{100 * max(row["largest_excess"] for row in own):.2g} %',
+            f'{sum(row["half_turn_dearer"] for row in turns)} of '
+            f'{sum(row["half_turn_solves"] for row in turns)}'])
+    return table(['solver', 'dearer than the best known', 'by at most', 'exact half turns'], cells)
+
+
+def aims(data: dict[str, Any]) -> str:
+    """Return every aim with what was measured."""
+    return table(['aim', 'N', 'measured', 'at most', 'met'], [
+        [aim['aim'], str(aim.get('horizon', '')), f'{aim["value"]:.3g}', f'{aim["at_most"]:g}',
+         'yes' if aim['met'] else '**no**'] for aim in data['targets']])
+
+
+def behind(data: dict[str, Any]) -> str:
+    """Return where another solver was faster."""
+    return ''.join(f'- {line}\n' for line in data['behind']) or 'Nowhere in this run.\n'
+
+
+def start_up(data: dict[str, Any]) -> str:
+    """Return seconds and megabytes of fresh processes."""
+    keys = ('imports_s', 'first_build_s', 'cached_build_s', 'peak_memory_mb')
+    return table(['solver', 'imports [s]', 'first build [s]', 'cached [s]', 'peak memory [MB]'], [
+        [row['solver'], *(f'{row[key]:.2f}' if key in row else '-' for key in keys)]
+        for row in data['startup'] if 'why_not' not in row])
+
+
+def limit(data: dict[str, Any]) -> str:
+    """Return the bound of a pass beside a pass of ours, from the same run."""
+    local = {row['horizon']: row for row in data['rows']
+             if row['solver'] == 'ours, local' and row['start'] == 'cold'}
+    rows = []
+    for each in data['limit']:
+        ours = local.get(each['horizon'])
+        took = ours['solver_us_median'] / ours['iterations_median'] if ours else None
+        rows.append([str(each['horizon']), f'{each["operations"]["all"]:,}',
+                     f'{each["bound_us"]:.2f}', f'{took:.2f}' if took else '-',
+                     f'{took / each["bound_us"]:.0f}' if took else '-'])
+    return table(['N', 'operations of a pass', 'bound [us]', 'a pass of ours [us]', 'times'], rows)
+
+
+def machine(data: dict[str, Any]) -> str:
+    """Return what was measured on."""
+    where = data['machine']
+    rate = where.get('rate_gflop_s')
+    fast = f', {rate:g} Gflop/s measured on core {where["core"]}' if rate else ''
+    return (f'{where["processor"]}, {where["cores"]} cores{fast}; load average at the end '
+            f'{where["load_average"][0]:g}; {where["versions"].get("revision", "")}.\n')
+
+
+def ticks(data: dict[str, Any]) -> str:
+    """Return latencies over DDS, 50 / 99 / 99.9 %."""
+    def three(row: dict[str, Any], key: str) -> str:
+        return ' / '.join(f'{row[key][p]:.0f}' for p in ('p50', 'p99', 'p99.9')
+                          ) if key in row else '-'
+    return table(
+        ['way', 'Hz', 'state to torque [us]', 'tick late [us]', 'tick [us]', 'solve [us]',
+         'ticks', 'missed'],
+        [[row['mode'], f'{row["rate_hz"]:g}', three(row, 'latency_us'),
+          three(row, 'reported_tick_lateness_us'), three(row, 'reported_tick_time_us'),
+          three(row, 'reported_solve_time_us'), str(row['ticks']), str(row['missed'])]
+         for row in data['rows']])
+
+
+def counts(data: dict[str, Any]) -> str:
+    """Return instructions per solve."""
+    return table(['solver', 'N', 'cold', 'warm steps after each', 'instructions per solve'], [
+        [row['solver'], str(row['horizon']), str(row['cold']), str(row['warm_steps']),
+         f'{row["instructions_per_solve"]:,}'] for row in data['rows']])
+
+
+TABLES: dict[str, tuple[str, Callable[[dict[str, Any]], str]]] = {
+    'machine': ('bench', machine), 'aims': ('bench', aims), 'behind': ('bench', behind),
+    'cold': ('bench', lambda data: times(data, 'cold')),
+    'warm': ('bench', lambda data: times(data, 'warm')),
+    'quality': ('bench', quality), 'start-up': ('bench', start_up), 'limit': ('bench', limit),
+    'ticks': ('tick', ticks), 'tick-machine': ('tick', machine),
+    'instructions': ('instructions', counts),
+}
+COMMANDS = {'bench': 'make bench', 'tick': 'manifold-mpc bench --tick',
+            'instructions': 'manifold-mpc bench --instructions'}
+
+
+def filled(page: str) -> str:
+    """Return the page with every table from its file."""
+    def fill(match: re.Match[str]) -> str:
+        name, make = TABLES[match[2]]
+        path = RESULTS / f'{name}.json'
+        text = f'Not measured yet: `{COMMANDS[name]}` writes {path.name}.\n'
+        if path.exists():
+            text = make(json.loads(path.read_text(encoding='utf-8')))
+        return f'{match[1]}{text}{match[3]}'
+    return TABLE.sub(fill, page)
+
+
+if __name__ == '__main__':
+    PAGE.write_text(filled(PAGE.read_text(encoding='utf-8')), encoding='utf-8')

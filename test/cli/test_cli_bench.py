@@ -1,0 +1,67 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The verb bench: a tiny comparison, its files, and what it says of mistakes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from manifold_mpc_ros.bench import instances
+from manifold_mpc_ros.cli import bench_tick
+
+Command = Callable[..., tuple[int, str, str]]
+
+
+def test_a_tiny_comparison(command: Command, tmp_path: Path) -> None:
+    output = tmp_path / 'new' / 'bench.json'
+    status, out, err = command('bench', '--quick', '--horizons', 5, '--instances', 1,
+                               '--solvers', 'VM, local', 'fatrop in', '--output', output)
+    assert (status, err) == (0, '')
+    data = json.loads(output.read_text(encoding='utf-8'))
+    assert {(row['solver'], row['start']) for row in data['rows']} == {
+        ('ours in the VM, local', 'cold'), ('fatrop in the VM', 'cold'),
+        ('fatrop in the VM', 'warm')}
+    assert len(instances.read(tmp_path / 'new' / 'bench_instances.json')) == 13
+    assert (tmp_path / 'new' / 'bench.png').read_bytes()[:4] == b'\x89PNG'
+    assert 'fatrop in the VM' in out
+    assert str(output) in out
+
+
+@pytest.mark.parametrize(('arguments', 'named'), [
+    (['--solvers', 'nobody'], 'nobody'),
+    (['--core', '4096'], '4096'),
+    (['--horizons', '0'], "'0'"),
+    (['--instances', 'many'], "'many'"),
+    (['--tick', '--instructions'], '--instructions'),
+    (['--seconds', '-1'], '--seconds'),
+])
+def test_mistakes_are_one_line(command: Command, arguments: list[str], named: str) -> None:
+    status, out, err = command('bench', *arguments)
+    assert (status, out) == (2, '')
+    assert named in err
+    assert len(err.splitlines()) == 1
+
+
+def test_latency_over_dds() -> None:
+    rows = bench_tick.measure(bench_tick.TickSettings((20.0,), 1.0, (0, 0)), lambda _: None)
+    assert [row['mode'] for row in rows] == ['lockstep', 'timer']
+    lockstep, timer = rows
+    assert lockstep['ticks'] == 20
+    assert lockstep['missed'] < 20
+    assert 50 < lockstep['latency_us']['p50'] <= lockstep['latency_us']['max']
+    assert timer['ticks'] >= 5
+    for row in rows:
+        assert row['reported_solve_time_us']['p50'] > 0
+
+
+def test_the_aims_of_the_latency() -> None:
+    row = {'mode': 'lockstep', 'rate_hz': 100.0, 'ticks': 9, 'missed': 1,
+           'latency_us': bench_tick.percentiles([100.0] * 99 + [5000.0])}
+    late, missed = bench_tick.targets([row])
+    assert late['met']
+    assert not missed['met']
+    assert bench_tick.targets([{**row, 'rate_hz': 50.0}]) == []
