@@ -93,7 +93,8 @@ $(PEERS): $(DEPENDENCIES)
 
 # Seconds: the executables in .venv run the files of this checkout again.
 $(STAMP): $(DEPENDENCIES) setup.cfg pyproject.toml package.xml \
-        $(wildcard resource/* config/*.yaml config/*/*.yaml launch/*.py) \
-        $(shell find manifold_mpc_ros -name '*.py' -o -name py.typed -o -path '*/page/*')
+        $(wildcard resource/* config/*.* config/*/* launch/*.py) \
+        $(shell find manifold_mpc_ros -name '*.py' -o -name py.typed -o -path '*/page/*' \
+            -o -path '*/kernel/*.[ch]')
 	@PYTHON='$(PYTHON)' .ci/setup $(VENV) package
 	@touch $@

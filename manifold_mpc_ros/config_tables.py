@@ -34,6 +34,9 @@ _LOCKSTEP = ParameterSpec(
     read_only=True)
 _AUTOSTART = ParameterSpec(
     'autostart', 'bool', True, 'configure and activate without being asked', read_only=True)
+_SECURE = ParameterSpec(
+    'secure', 'bool', False,
+    'refuse to configure unless DDS security is enforced (docs/security.md)', read_only=True)
 
 
 def _weight(name: str, default: list[float], description: str, unit: str) -> ParameterSpec:
@@ -113,6 +116,7 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
         'realtime.lock_memory', 'bool', False,
         'keep every page of the process in memory where the system permits it', read_only=True),
     _LOCKSTEP,
+    _SECURE,
     _AUTOSTART,
 )
 
@@ -177,6 +181,7 @@ SIMULATOR_PARAMETERS: tuple[ParameterSpec, ...] = (
         unit='s', low=0.1, high=3600.0, read_only=True),
     _INERTIAL_FRAME,
     _BODY_FRAME,
+    _SECURE,
     _AUTOSTART,
 )
 

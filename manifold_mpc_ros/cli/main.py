@@ -18,7 +18,7 @@ from manifold_mpc_ros.errors import ManifoldMpcError
 PROGRAM = 'manifold-mpc'
 # One module of this folder for each verb, with SUMMARY, EXAMPLES, add_arguments and run.
 VERBS = ('demo', 'simulate', 'design', 'certify', 'verify', 'domain', 'discontinuity', 'campaign',
-         'record', 'replay', 'check', 'report', 'bench', 'figures')
+         'record', 'replay', 'check', 'report', 'chaos', 'bench', 'figures')
 # Where the module is not called like the verb.
 _MODULES = {'report': 'bag_report'}
 

@@ -94,16 +94,21 @@ class NodeProcess:
 
     def __init__(
         self, module: str, ros_arguments: Sequence[str], environment: dict[str, str],
-        log_path: Path,
+        log_path: Path, program: Sequence[str] | None = None,
     ) -> None:
-        """Start ``python -m manifold_mpc_ros.nodes.<module>``."""
+        """Start ``python -m manifold_mpc_ros.nodes.<module>``, or another program instead."""
         self.name = module
         self.log_path = log_path
-        command = [sys.executable, '-m', f'manifold_mpc_ros.nodes.{module}',
+        command = [*(program or (sys.executable, '-m', f'manifold_mpc_ros.nodes.{module}')),
                    '--ros-args', *ros_arguments]
         with log_path.open('wb') as log:
             self._process = subprocess.Popen(
                 command, env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log)
+
+    @property
+    def pid(self) -> int:
+        """The process's id."""
+        return self._process.pid
 
     @property
     def exit_status(self) -> int | None:

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import functools
+import os
 import time
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
@@ -33,6 +34,7 @@ from manifold_mpc_ros.nodes.gate import RefusalLog
 from manifold_mpc_ros.nodes.messages import to_diagnostics
 from manifold_mpc_ros.nodes.parameter_requests import make_requests_safe
 from manifold_mpc_ros.nodes.parameters import NodeParameters
+from manifold_mpc_ros.nodes.security import demand_enforcement
 from manifold_mpc_ros.nodes.usage import Program
 
 DIAGNOSTICS_PERIOD_S = 0.2
@@ -164,7 +166,10 @@ class ManagedNode(LifecycleNode):
         begun_s = time.monotonic()
         self.get_logger().info('configuring')
         try:
-            self.build(self._table.resolve())
+            values = self._table.resolve()
+            if values['secure']:
+                demand_enforcement(os.environ, self.get_fully_qualified_name())
+            self.build(values)
         except ManifoldMpcError as error:
             self._failure = str(error)
             self.get_logger().error(f'refusing to configure: {error}')

@@ -108,7 +108,7 @@ class Rig:
 
     def __init__(self, folder: Path, domain: int) -> None:
         self._folder = folder
-        self._domain = domain
+        self.domain = domain
         self._processes: list[Process] = []
         self._known: set[str] = set()
         self._context = Context()
@@ -134,7 +134,7 @@ class Rig:
     def run(self, arguments: Sequence[str], **variables: str) -> Process:
         """Start ``python -m`` with these arguments."""
         process = Process([sys.executable, '-m', *arguments], self._folder,
-                          child_environment(self._domain, **variables))
+                          child_environment(self.domain, **variables))
         self._processes.append(process)
         return process
 

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The dependency direction of the modules, read from their import statements.
 
-``cli > bench > nodes > bags > campaigns > scenarios > sim > safety > mpc > problems > {theory,
-dynamics} > lie > errors``: a module imports its own layer and those below it. ``theory`` and
-``dynamics`` do not know each other. ``config`` may import ``errors`` and ``lie``; ``dynamics`` and
-the layers from ``problems`` up may import ``config``; ``nodes`` and ``cli`` may use the package's
-public names.
+``cli > bench > nodes > chaos > bags > campaigns > scenarios > sim > safety > mpc > problems >
+{theory, dynamics} > lie > errors``: a module imports its own layer and those below it. ``theory``
+and ``dynamics`` do not know each other. ``config`` may import ``errors`` and ``lie``; ``dynamics``
+and the layers from ``problems`` up may import ``config``; ``nodes`` and ``cli`` may use the
+package's public names.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ PACKAGE = 'manifold_mpc_ros'
 MODULES = sorted((TOP / PACKAGE).rglob('*.py'))
 
 LAYERS = ('errors', 'lie', 'theory', 'dynamics', 'problems', 'mpc', 'safety', 'sim', 'scenarios',
-          'campaigns', 'bags', 'nodes', 'bench', 'cli')
+          'campaigns', 'bags', 'chaos', 'nodes', 'bench', 'cli')
 MAY_IMPORT = {
     layer: set(LAYERS[:rank + 1]) | ({'config'} if rank >= LAYERS.index('dynamics') else set())
     for rank, layer in enumerate(LAYERS)
@@ -30,7 +30,7 @@ MAY_IMPORT = {
 MAY_IMPORT['dynamics'].remove('theory')
 MAY_IMPORT['config'] = {'config', 'errors', 'lie'}
 # The package's own __init__.
-MAY_IMPORT[''] = {*LAYERS, 'config'} - {'campaigns', 'bags', 'nodes', 'bench', 'cli'}
+MAY_IMPORT[''] = {*LAYERS, 'config'} - {'campaigns', 'bags', 'chaos', 'nodes', 'bench', 'cli'}
 MAY_IMPORT['nodes'].add('')
 MAY_IMPORT['cli'].add('')
 
