@@ -26,8 +26,9 @@ LEANS_RAD = (1e-3, 0.05)
 #: The rest of the near half turns fall short of 180 degrees by this [rad].
 SHORT_BY_RAD = 1e-3
 RULE = (
-    f'random: numpy default_rng({SEED}), {MOST} x 4 standard normals normalised to quaternions w, x, '
-    f'y, z with w >= 0, then body rates uniform in +-{LARGEST_RATE_RAD_S} rad/s; half turns: '
+    f'random: the first ones of numpy default_rng({SEED}), {MOST} x 4 standard normals normalised '
+    'to quaternions w, x, y, z with w >= 0, then body rates uniform in '
+    f'+-{LARGEST_RATE_RAD_S} rad/s; half turns: '
     'exactly 180 degrees about the principal axes, at rest; near half turns: the same with the '
     f'axis leaning by {" and ".join(f"{lean:g}" for lean in LEANS_RAD)} rad to the next, and '
     f'{SHORT_BY_RAD:g} rad short of 180 degrees')
