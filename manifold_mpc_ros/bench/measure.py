@@ -40,6 +40,7 @@ class Record:
     entry: Entry
     build_s: float = np.nan
     version: str = ''
+    undisturbed: bool = False
     why_not: str = ''
     peak_memory_bytes: int = 0
     asked: list[int] = field(default_factory=list)
@@ -96,6 +97,7 @@ def _await(worker: Worker, record: Record, workers: dict[int, Worker], index: in
         record.why_not = str(error)
         return
     record.build_s, record.version = ready.build_s, ready.version
+    record.undisturbed = ready.undisturbed
     workers[index] = worker
 
 

@@ -58,6 +58,7 @@ def _ends(record: Record, *, warm: bool) -> dict[str, Any]:
         'peak_memory_mb': _rounded(record.peak_memory_bytes / 1e6),
         'build_beside_others_s': _rounded(record.build_s),
         'version': record.version,
+        'ahead_of_other_processes': record.undisturbed,
     }
 
 

@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 SLOW_S = 0.03
 #: Building, compiling and the slowest solve end within this [s].
 PATIENCE_S = 300.0
+#: The lowest priority ahead of every ordinary process.
+_PRIORITY = 1
 _KIB = 1024
 
 
@@ -39,6 +41,7 @@ class Ready:
 
     build_s: float
     version: str
+    undisturbed: bool
 
 
 class Worker:
@@ -119,9 +122,9 @@ def _serve(connection: Connection, entry: Entry, horizon: int, core: int | None)
     except Exception as error:  # noqa: BLE001  (whatever a foreign package raises is the reason)
         connection.send(ManifoldMpcError(_reason(error)))
         return
-    if core is not None:
-        os.sched_setaffinity(0, {core})
-    connection.send(Ready(time.perf_counter() - begin, getattr(solver, 'version', '')))
+    build_s = time.perf_counter() - begin
+    undisturbed = core is not None and _take_core(core)
+    connection.send(Ready(build_s, getattr(solver, 'version', ''), undisturbed))
     while True:
         try:
             request = connection.recv()
@@ -131,6 +134,20 @@ def _serve(connection: Connection, entry: Entry, horizon: int, core: int | None)
             connection.send(_answer(solver, *request))
         except Exception as error:  # noqa: BLE001
             connection.send(ManifoldMpcError(_reason(error)))
+
+
+def _take_core(core: int) -> bool:
+    """Pin to a core, ahead of ordinary processes where that is allowed; return whether it is.
+
+    A slow solve is interrupted more often than a fast one: without this a busy machine makes
+    every ratio larger than it is.
+    """
+    os.sched_setaffinity(0, {core})
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
+    except OSError:
+        return False
+    return True
 
 
 def _reason(error: Exception) -> str:

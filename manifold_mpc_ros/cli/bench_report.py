@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 # Where the output is no terminal, a line as often as this.
 PLAIN_LINE_PERIOD_S = 10.0
+# The run itself is a load of one.
+_BUSY = 1.5
 STATEMENT = (
     'Times are the least of a few repeats of each solve, so that what else the machine does '
     'counts little; median and 99th percentile are over instances, or steps of closed loops. '
@@ -94,6 +96,10 @@ def show(console: Console, data: Mapping[str, Any]) -> None:
         'What it has to show', ('aim', 'N', 'value', 'at most', 'met'),
         [(aim['aim'], str(aim.get('horizon', '')), f'{aim["value"]:.3g}',
           f'{aim["at_most"]:g}', 'yes' if aim['met'] else 'NO') for aim in data['targets']]))
+    if any(row.get('ahead_of_other_processes') is False for row in data['rows']) and (
+            data['machine']['load_average'][0] > _BUSY):
+        console.print('The machine was busy and this user may not go ahead of other processes: '
+                      'slow solvers look slower than they are.', style='bold')
     for line in data['behind']:
         console.print(f'Behind: {line}', soft_wrap=True, markup=False)
     if not data['behind']:
