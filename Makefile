@@ -90,6 +90,7 @@ $(DEPENDENCIES): setup.py .ci/constraints.txt .ci/setup
 # it cannot be had the comparison goes on without it, and says so.
 $(PEERS): $(DEPENDENCIES)
 	@PYTHON='$(PYTHON)' .ci/setup $(VENV) peers
+	@touch $@
 
 # Seconds: the executables in .venv run the files of this checkout again.
 $(STAMP): $(DEPENDENCIES) setup.cfg pyproject.toml package.xml \

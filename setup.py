@@ -22,7 +22,6 @@ RUNTIME = [
     'matplotlib>=3.6',
     'numpy>=1.26',
     'plotly>=5.15',
-    'pyarrow>=14',
     'python-flint>=0.7',
     'pyyaml>=6.0',
     'rich>=13',
@@ -35,7 +34,9 @@ ROS = [
     'ros-jazzy-rclpy',
     'ros-jazzy-rmw-fastrtps-cpp',
 ]
-CLUSTER = ['distributed>=2024.1']
+# Heavy, and needed by one command: campaigns write Parquet, and run on clusters if asked to.
+CAMPAIGN = ['pyarrow>=14']
+CLUSTER = [*CAMPAIGN, 'distributed>=2024.1']
 TEST = [
     'catkin-pkg',
     'colcon-core',
@@ -108,7 +109,8 @@ setup(
     cmdclass={'install_data': InstallData},
     python_requires='>=3.10',
     install_requires=RUNTIME,
-    extras_require={'cluster': CLUSTER, 'ros': ROS, 'test': CLUSTER + TEST},
+    extras_require={'campaign': CAMPAIGN, 'cluster': CLUSTER, 'ros': ROS,
+                    'test': CLUSTER + TEST},
     entry_points={'console_scripts': [f'{name} = {main}' for name, main in EXECUTABLES.items()]},
     zip_safe=False,
 )

@@ -9,6 +9,7 @@ the NLP and their derivatives as C, by gcc -O3 -march=native.
 
 from __future__ import annotations
 
+import os
 import subprocess
 import tempfile
 import time
@@ -164,10 +165,13 @@ def _gauss_newton(model: problem.Model, nlp: dict[str, ca.MX], horizon: int) -> 
 
 def _compile(solver: ca.Function, folder: Path) -> str:
     """Return the library of everything that a solver evaluates."""
-    source = folder / 'nlp.c'
-    generated = solver.generate_dependencies(source.name)
-    Path(generated).replace(source)
-    library = folder / 'nlp.so'
+    source, library = folder / 'nlp.c', folder / 'nlp.so'
+    before = Path.cwd()
+    os.chdir(folder)  # CasADi writes into the current folder only
+    try:
+        solver.generate_dependencies(source.name)
+    finally:
+        os.chdir(before)
     done = subprocess.run([*_COMPILE, str(source), '-o', str(library), '-lm'], text=True,
                           capture_output=True, check=False)
     if done.returncode != 0:

@@ -56,7 +56,7 @@ _COMPILE = ('-O3', '-march=native', '-ffp-contract=fast')
 def core_rate(core: int) -> float:
     """Return the largest rate of double-precision operations of a core [flop/s], measured.
 
-    Raises ManifoldMpcError without a C compiler.
+    Raises ManifoldMpcError where it cannot be, without a C compiler above all.
     """
     compiler = shutil.which('cc')
     if compiler is None:
@@ -64,9 +64,12 @@ def core_rate(core: int) -> float:
     with tempfile.TemporaryDirectory(prefix='flops_') as folder:
         source, program = Path(folder, 'kernel.c'), str(Path(folder, 'kernel'))
         source.write_text(_KERNEL, encoding='utf-8')
-        subprocess.run([compiler, *_COMPILE, str(source), '-o', program], check=True)
-        done = subprocess.run(['taskset', '-c', str(core), program], check=True, text=True,
-                              capture_output=True)
+        try:
+            subprocess.run([compiler, *_COMPILE, str(source), '-o', program], check=True)
+            done = subprocess.run(['taskset', '-c', str(core), program], check=True, text=True,
+                                  capture_output=True)
+        except (OSError, subprocess.CalledProcessError) as error:
+            raise ManifoldMpcError(f"the core's rate was not measured: {error}") from None
     return float(done.stdout.split()[0])
 
 

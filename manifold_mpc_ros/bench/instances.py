@@ -18,14 +18,17 @@ from manifold_mpc_ros.lie import so3
 Array = NDArray[np.float64]
 
 SEED = 0
+#: So many are drawn, whatever the number asked for: a short run has the first ones of a long one.
+MOST = 200
 LARGEST_RATE_RAD_S = 0.2
 #: Axes of near half turns lean from a principal axis by these [rad].
 LEANS_RAD = (1e-3, 0.05)
 #: The rest of the near half turns fall short of 180 degrees by this [rad].
 SHORT_BY_RAD = 1e-3
 RULE = (
-    f'random: numpy default_rng({SEED}), n x 4 standard normals normalised to quaternions w, x, '
-    f'y, z with w >= 0, then body rates uniform in +-{LARGEST_RATE_RAD_S} rad/s; half turns: '
+    f'random: the first ones of numpy default_rng({SEED}), {MOST} x 4 standard normals normalised '
+    'to quaternions w, x, y, z with w >= 0, then body rates uniform in '
+    f'+-{LARGEST_RATE_RAD_S} rad/s; half turns: '
     'exactly 180 degrees about the principal axes, at rest; near half turns: the same with the '
     f'axis leaning by {" and ".join(f"{lean:g}" for lean in LEANS_RAD)} rad to the next, and '
     f'{SHORT_BY_RAD:g} rad short of 180 degrees')
@@ -51,13 +54,13 @@ class Instance:
 
 
 def draw(random_count: int) -> list[Instance]:
-    """Return random states, then the exact half turns, then the near ones."""
+    """Return up to MOST random states, then the exact half turns, then the near ones."""
     rng = np.random.default_rng(SEED)
-    quaternions = rng.standard_normal((random_count, 4))
+    quaternions = rng.standard_normal((MOST, 4))
     quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
     quaternions[quaternions[:, 0] < 0] *= -1
-    rates = rng.uniform(-LARGEST_RATE_RAD_S, LARGEST_RATE_RAD_S, (random_count, 3))
-    states = [('random', q, omega) for q, omega in zip(quaternions, rates)]
+    rates = rng.uniform(-LARGEST_RATE_RAD_S, LARGEST_RATE_RAD_S, (MOST, 3))
+    states = [('random', q, omega) for q, omega in zip(quaternions, rates)][:random_count]
     axes = np.eye(3)
     states += [('half turn', _turn(axis, np.pi), np.zeros(3)) for axis in axes]
     for axis, towards in zip(axes, np.roll(axes, -1, axis=0)):

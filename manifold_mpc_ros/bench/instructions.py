@@ -3,7 +3,8 @@
 """Instructions per solve by valgrind's callgrind: the same on a noisy machine as on a quiet one.
 
 Only what is executed inside shared libraries of the solver counts, not the Python around it:
-callgrind says for each instruction which object it belongs to.
+callgrind says for each instruction which object it belongs to. Code without a symbol it gives to
+the caller's object; that is libffi where Python calls C, which therefore counts.
 """
 
 from __future__ import annotations

@@ -30,6 +30,7 @@ class Settings:
     loop_steps: int = 20
     cold_budget_s: float = 6.0
     warm_budget_s: float = 5.0
+    reference_budget_s: float = 15.0
 
 
 @dataclass
@@ -158,21 +159,31 @@ def _best_known(references: dict[str, Worker], records: list[Record],
             if answer.converged:
                 form = record.entry.formulation
                 best[form][i] = min(best[form][i], answer.cost)
-    ours = next((each for each in records if each.entry.ours and each.cold), None)
+    ours = _our_best_plans(records)
     for form, worker in references.items():
         try:
             worker.wait()
-            _improve(worker, best[form], ours, instances, settings.cold_budget_s)
+            _improve(worker, best[form], ours, instances, settings.reference_budget_s)
         except ManifoldMpcError:
             continue
     return best
 
 
-def _improve(worker: Worker, best: Array, ours: Record | None, instances: Sequence[Instance],
-             budget_s: float) -> None:
-    """Lower the least costs by IPOPT from our plans, within a budget."""
+def _our_best_plans(records: list[Record]) -> dict[int, Answer]:
+    """Return the cheapest of our plans for each instance, in the order they were asked."""
+    plans: dict[int, Answer] = {}
+    for record in records:
+        for i, answer in zip(record.asked, record.cold):
+            if record.entry.ours and (i not in plans or answer.cost < plans[i].cost):
+                plans[i] = answer
+    return plans
+
+
+def _improve(worker: Worker, best: Array, plans: dict[int, Answer],
+             instances: Sequence[Instance], budget_s: float) -> None:
+    """Lower the least costs by IPOPT from plans, within a budget."""
     end = time.perf_counter() + budget_s
-    for i, answer in zip(*((ours.asked, ours.cold) if ours else ((), ()))):
+    for i, answer in plans.items():
         if time.perf_counter() > end:
             return
         best[i] = min(best[i], worker.improve(instances[i].state, answer.torques_n_m))

@@ -11,6 +11,7 @@ import numpy as np
 
 from manifold_mpc_ros.bench.instances import Instance
 from manifold_mpc_ros.bench.measure import Comparison, Record
+from manifold_mpc_ros.bench.solver import ON_THE_GROUP
 
 #: A cost is at the best known one within this, relative.
 SAME_COST = 1e-6
@@ -35,10 +36,10 @@ def rows_of(comparison: Comparison, instances: Sequence[Instance]) -> list[dict[
     return rows
 
 
-def _times(pairs: Sequence[tuple[float, float]]) -> dict[str, float]:
+def _times(pairs: Sequence[tuple[float, float]]) -> dict[str, float | None]:
     """Return median and 99th percentile of both clocks [us]."""
     microseconds = 1e6 * np.array(pairs)
-    values = {}
+    values: dict[str, float | None] = {}
     for column, name in enumerate(('solver_us', 'call_us')):
         values[f'{name}_median'] = _rounded(np.median(microseconds[:, column]))
         values[f'{name}_p99'] = _rounded(np.percentile(microseconds[:, column], 99))
@@ -67,7 +68,7 @@ def _costs(comparison: Comparison, record: Record, instances: Sequence[Instance]
     excess = np.array([answer.cost for answer in record.cold]) / best - 1
     kinds = np.array([instances[i].kind for i in record.asked])
     converged = np.array([answer.converged for answer in record.cold])
-    on_the_group = np.array(record.group_cost) / _best_on_the_group(comparison, record) - 1
+    on_the_group = np.array(record.group_cost) / comparison.best[ON_THE_GROUP][record.asked] - 1
     values: dict[str, Any] = {
         'dearer_than_best_known': int(np.sum(converged & (excess > SAME_COST))),
         'largest_excess': _rounded(np.max(excess[converged], initial=0.0)),
@@ -83,12 +84,6 @@ def _costs(comparison: Comparison, record: Record, instances: Sequence[Instance]
     return values
 
 
-def _best_on_the_group(comparison: Comparison, record: Record) -> np.ndarray:
-    """Return our formulation's best costs for the instances of a record."""
-    form = next(each.entry.formulation for each in comparison.records if each.entry.ours)
-    return comparison.best[form][record.asked]
-
-
-def _rounded(value: Any) -> float:
-    """Return a number with as many digits as it is worth."""
-    return float(f'{float(value):.{_DIGITS}g}')
+def _rounded(value: Any) -> float | None:
+    """Return a number with as many digits as it is worth, None for one that is not finite."""
+    return float(f'{float(value):.{_DIGITS}g}') if np.isfinite(value) else None

@@ -82,8 +82,8 @@ def _horizon(text: str) -> int:
 
 def _count(text: str) -> int:
     """Read a number of instances."""
-    if not (text.isdecimal() and 1 <= int(text) <= 10000):
-        raise argparse.ArgumentTypeError(f'{text!r} is not a whole number from 1 to 10000')
+    if not (text.isdecimal() and 1 <= int(text) <= INSTANCES):
+        raise argparse.ArgumentTypeError(f'{text!r} is not a whole number from 1 to {INSTANCES}')
     return int(text)
 
 

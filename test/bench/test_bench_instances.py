@@ -18,8 +18,8 @@ WRONG = '{"instances": [{"kind": "x", "quaternion_wxyz": [%s], "omega_BN_B_rad_s
 
 def test_random_ones_follow_the_rule() -> None:
     rng = np.random.default_rng(0)
-    normals = rng.standard_normal((7, 4))
-    rates = rng.uniform(-0.2, 0.2, (7, 3))
+    normals = rng.standard_normal((200, 4))
+    rates = rng.uniform(-0.2, 0.2, (200, 3))
     drawn = [each for each in instances.draw(7) if each.kind == 'random']
     assert len(drawn) == 7
     for each, normal, rate in zip(drawn, normals, rates):

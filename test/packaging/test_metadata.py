@@ -21,11 +21,10 @@ from installed import BUILD, PIP, TOP, run
 PIP_NAME = {'yaml': 'pyyaml', 'mpl_toolkits': 'matplotlib', 'flint': 'python-flint'}
 ROSDEP_KEY = {'casadi': 'casadi-pip', 'mpl_toolkits': 'python3-matplotlib',
               'rosbags': 'python3-rosbags-pip'}
-# Without a key: certificates and campaigns import them when they are asked for, and say so where
-# they are missing.
-NO_ROSDEP_KEY = {'flint', 'pyarrow'}
-# Imported only when a cluster is asked for.
-OPTIONAL = {'distributed': 'cluster'}
+# Without a key: certificates import it when they are asked for, and say so where it is missing.
+NO_ROSDEP_KEY = {'flint'}
+# Imported by one command alone, which says so where they are missing.
+OPTIONAL = {'distributed': 'cluster', 'pyarrow': 'campaign'}
 # Declared for the launch file and for lifecycle clients, which no module of ours imports.
 UNSEEN = {'launch', 'launch_ros', 'lifecycle_msgs'}
 
