@@ -25,7 +25,8 @@ MakeDisturbance = Callable[[], Disturbance]
 Edit = Callable[[StampedMessage, random.Random], StampedMessage]
 Garble = Callable[[bytes, random.Random], bytes]
 
-#: The overtaken message comes so long after the other one [s].
+#: An overtaken or repeated message comes so long after the other one: a reader that keeps the
+#: newest alone has to see both [s].
 _BEHIND_S = 0.004
 NANOSECONDS = 1_000_000_000
 
@@ -78,7 +79,7 @@ def late(least_s: float, most_s: float) -> MakeDisturbance:
 def repeated(times: int) -> MakeDisturbance:
     """Deliver each message several times."""
     def disturb(data: bytes, _draws: random.Random) -> Deliveries:
-        return [(0.0, data)] * times
+        return [(_BEHIND_S * index, data) for index in range(times)]
     return lambda: disturb
 
 

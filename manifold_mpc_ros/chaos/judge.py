@@ -126,12 +126,13 @@ def _missed(seen: Evidence) -> int | None:
     before = seen.before.get(CONTROLLER, {}).get(_MISSED)
     if before is None or not said or _MISSED not in said[-1] or seen.fault.simulated_time:
         return None  # where time itself is disturbed, so is what was due
-    return int(said[-1][_MISSED]) - int(before)
+    missed = int(said[-1][_MISSED]) - int(before)
+    return missed if missed >= 0 else None  # it was started again
 
 
 def _unaccounted(seen: Evidence, missed: int | None, limits: Limits) -> bool:
     """Whether commands and missed ticks together are clearly not what was due by the clock."""
-    if missed is None or missed < 0:  # it does not say, or was started again
+    if missed is None:
         return False
     due = (seen.closed_s - seen.begun_s) / limits.step_s
     return abs(_sent(seen) + missed - due) > _ODD_TICKS + _ODD_PART * due

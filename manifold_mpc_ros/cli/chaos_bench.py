@@ -4,11 +4,10 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -24,7 +23,13 @@ from manifold_mpc_ros.chaos.fault import (
     STATE,
     TORQUE,
 )
-from manifold_mpc_ros.cli.processes import NodeProcess, node_environment, reserved_domain
+from manifold_mpc_ros.cli.chaos_life import Life
+from manifold_mpc_ros.cli.processes import (
+    STOP_TIMEOUT_S,
+    NodeProcess,
+    node_environment,
+    reserved_domain,
+)
 from manifold_mpc_ros.config import SimulatorConfig
 from manifold_mpc_ros.config_controller import ControllerConfig
 from manifold_mpc_ros.config_tables import CONTROLLER_NAME, SIMULATOR_NAME
@@ -37,8 +42,6 @@ NAMES = {CONTROLLER: CONTROLLER_NAME, SIMULATOR: SIMULATOR_NAME}
 LOOK_S = 0.004
 #: Between two looks at the memory of the nodes [s].
 MEMORY_PERIOD_S = 1.0
-_PAGE_BYTES = os.sysconf('SC_PAGE_SIZE')
-TRACEBACK = 'Traceback (most recent call last)'
 
 
 class Interrupted(ManifoldMpcError):
@@ -71,49 +74,11 @@ class BenchPlan:
         return ControllerConfig.from_yaml(self.controller_file)
 
 
-@dataclass
-class Life:
-    """One process of a node from its start to its end, and the memory that it had."""
-
-    process: NodeProcess
-    begun_s: float
-    memory: list[tuple[float, int]] = field(default_factory=list)
-    read_to: int = 0
-
-    def new_tracebacks(self) -> int:
-        """Return how many tracebacks the process has written since the last call."""
-        text = self.process.log_path.read_bytes()
-        new = text[self.read_to:].decode(errors='replace')
-        self.read_to += text.rfind(b'\n', self.read_to) + 1 - self.read_to \
-            if b'\n' in text[self.read_to:] else 0
-        return new.count(TRACEBACK)
-
-    def waits_ns(self) -> dict[str, int]:
-        """Return how long each thread has waited for a processor that it could have used [ns].
-
-        The kernel's own account (run delay in schedstat): not the doing of the process.
-        """
-        waits = {}
-        for task in Path(f'/proc/{self.process.pid}/task').glob('*'):
-            with suppress(OSError, IndexError):
-                waits[task.name] = int((task / 'schedstat').read_text().split()[1])
-        return waits
-
-    def sample(self, now_s: float) -> None:
-        """Note the resident memory [bytes]."""
-        try:
-            pages = int(Path(f'/proc/{self.process.pid}/statm').read_text().split()[1])
-        except (OSError, IndexError):
-            return
-        if pages:  # none are left of a process that has ended
-            self.memory.append((now_s, pages * _PAGE_BYTES))
-
-
 class Bench:
     """A pair of nodes, the proxy between them, the observer, and a supervisor; a context manager.
 
     A node that ends is started again at once, as a supervisor would; an end that nobody asked for
-    is kept in ``deaths``.
+    is kept in ``deaths``, what processes of a node's own outlived it in ``left_behind``.
     """
 
     def __init__(
@@ -125,6 +90,7 @@ class Bench:
         self._folder, self._seed = folder, seed
         self.lives: dict[str, list[Life]] = {CONTROLLER: [], SIMULATOR: []}
         self.deaths: list[str] = []
+        self.left_behind: list[str] = []
         self.inertial_frame_id = plan.check().inertial_frame_id
         self.expected_end: dict[str, bool] = {CONTROLLER: False, SIMULATOR: False}
         self.late_s = 0.0
@@ -191,6 +157,7 @@ class Bench:
     def restart(self) -> None:
         """Kill both nodes and start them afresh."""
         for node in NAMES:
+            self.life(node).note_children()
             self.life(node).process.send(signal.SIGKILL)
             self.life(node).process.wait()
             self.start(node)
@@ -247,3 +214,10 @@ class Bench:
             process.interrupt()
         for process in processes:
             process.wait()
+        until_s = time.monotonic() + STOP_TIMEOUT_S
+        lives = [life for lives in self.lives.values() for life in lives]
+        while any(life.left_behind() for life in lives) and time.monotonic() < until_s:
+            time.sleep(LOOK_S)
+        for life in lives:
+            self.left_behind += life.left_behind()
+            life.end_children()

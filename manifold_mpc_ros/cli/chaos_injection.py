@@ -103,6 +103,7 @@ class _Signal(Injection):
 
     def begin(self) -> None:
         """Send it."""
+        self.bench.life(self._action.node).note_children()
         self._process = self.bench.life(self._action.node).process
         self.bench.expected_end[self._action.node] = self._action.number != signal.SIGSTOP
         self._process.send(self._action.number)
@@ -140,6 +141,7 @@ class _BadStart(Injection):
         """Kill the node and start it wrongly."""
         node = self._action.node
         self.bench.expected_end[node] = True
+        self.bench.life(node).note_children()
         self.bench.life(node).process.send(signal.SIGKILL)
         self.bench.life(node).process.wait()
         self.bench.start(node, self._action.changes)

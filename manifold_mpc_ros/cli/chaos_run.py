@@ -57,6 +57,7 @@ class _Pair(threading.Thread):
         self.memory: list[Memory] = []
         self.voided: list[Verdict] = []
         self.start_s: list[float] = []
+        self.left_behind: list[str] = []
         self.failure = self.middleware = ''
 
     def run(self) -> None:
@@ -102,6 +103,7 @@ class _Pair(threading.Thread):
                         each.rest(begun_s + trial.at_s)
                         self._run_one(each, trial)
             finally:
+                self.left_behind += bench.left_behind
                 for node, lives in bench.lives.items():
                     longest = max(lives, key=lambda life: len(life.memory), default=None)
                     if longest is not None and longest.memory:
@@ -133,7 +135,8 @@ def run_trials(
             thread.join()
     _collect(results, done, show, 0.0)
     done.elapsed_s = time.monotonic() - begun_s
-    done.failure = '; '.join(thread.failure for thread in threads if thread.failure)
+    done.failure = '; '.join(
+        words for thread in threads for words in (thread.failure, *thread.left_behind) if words)
     done.middleware = threads[0].middleware
     for thread in threads:
         done.memory += thread.memory

@@ -22,6 +22,8 @@ from manifold_mpc_ros.lie import so3
 
 #: Both nodes have to be at work within this after the start [s].
 START_S = 180.0
+#: What has not recovered in time may still do so without being started again [s].
+LATE_RECOVERY_S = 30.0
 #: A manoeuvre reaches each of its phases within this [s].
 PHASE_S = 20.0
 #: A setpoint is published again after this, until the manoeuvre has begun [s].
@@ -200,7 +202,9 @@ class Trials:
         self._R_ND = None
 
     def _give_up(self) -> None:
-        """Start both nodes afresh: the next fault is not to suffer from this one."""
+        """Start both nodes afresh, unless they come round: the next fault is not to suffer."""
+        if self._wait(self._steady, LATE_RECOVERY_S) is not None:
+            return
         self._bench.restart()
         self._R_ND = None
         self.settle_in()

@@ -86,12 +86,17 @@ def _initialise(make: Callable[[], Any]) -> None:
     """Prepare a worker process: interrupts are for the parent, and its end is ours."""
     global _state
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    end_with_parent()
     _state = make()
 
 
-def _end_with_parent() -> None:
-    """Leave when the parent is gone, which an idle worker would not notice."""
+def end_with_parent() -> None:
+    """Have this process leave when its parent is gone, which an idle worker would not notice."""
+    threading.Thread(target=_wait_for_the_end, daemon=True).start()
+
+
+def _wait_for_the_end() -> None:
+    """Wait until the parent has ended, then end."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     parent.join()

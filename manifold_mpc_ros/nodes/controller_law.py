@@ -13,6 +13,7 @@ from multiprocessing import get_context
 from manifold_mpc_ros.config_controller import ControllerConfig
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.monitor import monitor_for
+from manifold_mpc_ros.mpc.workers import end_with_parent
 from manifold_mpc_ros.nodes.planner import (
     DirectPlanner,
     Planner,
@@ -64,7 +65,8 @@ def designed_elsewhere(config: ControllerConfig) -> TerminalDesign:
 
 
 def _stand_back() -> None:
-    """Leave the processor to those who need it, and signals of a terminal to the parent."""
+    """Leave with the parent, and to it signals of a terminal and the processor."""
+    end_with_parent()
     os.nice(BUILDER_NICENESS)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 

@@ -123,7 +123,7 @@ def test_a_channel_loses_delays_repeats_and_swaps() -> None:
     jittered = through(d.late(0.0, 0.06), 200)
     assert sorted(jittered) == sent
     assert jittered != sent
-    assert through(d.repeated(3), 3) == [b'\0'] * 3 + [b'\1'] * 3 + [b'\2'] * 3
+    assert through(d.repeated(2), 3) == [b'\0'] * 2 + [b'\1'] * 2 + [b'\2'] * 2
     assert through(d.swapped, 4) == [b'\1', b'\0', b'\3', b'\2']
     assert through(d.frozen, 3) == [b'\0'] * 3
 
