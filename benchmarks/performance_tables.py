@@ -4,8 +4,9 @@
 
     python benchmarks/performance_tables.py
 
-The pictures that the commands wrote beside the files belong into docs/images. Each table stands between ``<!-- table: NAME -->`` and ``<!-- end -->``; a table whose file is
-not there yet says which command writes it.
+Each table stands between ``<!-- table: NAME -->`` and ``<!-- end -->``; a table whose file is
+not there yet says which command writes it. Pictures that the commands wrote beside their files
+belong into docs/images.
 """
 
 from __future__ import annotations
