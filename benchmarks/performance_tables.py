@@ -5,7 +5,8 @@
     python benchmarks/performance_tables.py
 
 Each table stands between ``<!-- table: NAME -->`` and ``<!-- end -->``; a table whose file is
-not there yet says which command writes it.
+not there yet says which command writes it. Pictures that the commands wrote beside their files
+belong into docs/images.
 """
 
 from __future__ import annotations
@@ -104,6 +105,11 @@ def machine(data: dict[str, Any]) -> str:
             f'{where["load_average"][0]:g}; {where["versions"].get("revision", "")}.\n')
 
 
+def _with_picture(text: str, name: str) -> str:
+    """Return a text with the picture that belongs to it below."""
+    return f'{text}\n![The figures of {name}.json](images/{name}.png)\n'
+
+
 def ticks(data: dict[str, Any]) -> str:
     """Return latencies over DDS, 50 / 99 / 99.9 %."""
     def three(row: dict[str, Any], key: str) -> str:
@@ -126,11 +132,13 @@ def counts(data: dict[str, Any]) -> str:
 
 
 TABLES: dict[str, tuple[str, Callable[[dict[str, Any]], str]]] = {
-    'machine': ('bench', machine), 'aims': ('bench', aims), 'behind': ('bench', behind),
+    'machine': ('bench', lambda data: _with_picture(machine(data), 'bench')),
+    'aims': ('bench', aims), 'behind': ('bench', behind),
     'cold': ('bench', lambda data: times(data, 'cold')),
     'warm': ('bench', lambda data: times(data, 'warm')),
     'quality': ('bench', quality), 'start-up': ('bench', start_up), 'limit': ('bench', limit),
-    'ticks': ('tick', ticks), 'tick-machine': ('tick', machine),
+    'ticks': ('tick', lambda data: _with_picture(ticks(data), 'tick')),
+    'tick-machine': ('tick', machine),
     'instructions': ('instructions', counts),
 }
 COMMANDS = {'bench': 'make bench', 'tick': 'manifold-mpc bench --tick',

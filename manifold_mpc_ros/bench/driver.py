@@ -25,6 +25,7 @@ _KIB = 1024
 class Task:
     """Build entry number ``entry``, then solve so many instances cold, then a warm loop each.
 
+    ``core``: pin to it, ahead of ordinary processes where allowed; anywhere when None.
     ``counted``: switch the counting of callgrind, under which this runs, on for the solves.
     """
 
@@ -32,6 +33,7 @@ class Task:
     horizon: int
     cold: int
     warm_steps: int = 0
+    core: int | None = None
     counted: bool = False
 
     @property
@@ -43,7 +45,9 @@ class Task:
 def main(argument: str) -> None:
     """Do the task and print what it took."""
     task = Task(**json.loads(argument))
-    from manifold_mpc_ros.bench import instances, solver
+    from manifold_mpc_ros.bench import instances, solver, worker
+    if task.core is not None:
+        worker.take_core(task.core)
     entry = solver.ENTRIES[task.entry]
     entry.load()
     imported = time.perf_counter()

@@ -123,7 +123,7 @@ def _serve(connection: Connection, entry: Entry, horizon: int, core: int | None)
         connection.send(ManifoldMpcError(_reason(error)))
         return
     build_s = time.perf_counter() - begin
-    undisturbed = core is not None and _take_core(core)
+    undisturbed = core is not None and take_core(core)
     connection.send(Ready(build_s, getattr(solver, 'version', ''), undisturbed))
     while True:
         try:
@@ -136,7 +136,7 @@ def _serve(connection: Connection, entry: Entry, horizon: int, core: int | None)
             connection.send(ManifoldMpcError(_reason(error)))
 
 
-def _take_core(core: int) -> bool:
+def take_core(core: int) -> bool:
     """Pin to a core, ahead of ordinary processes where that is allowed; return whether it is.
 
     A slow solve is interrupted more often than a fast one: without this a busy machine makes
