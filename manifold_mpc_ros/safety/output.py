@@ -63,7 +63,11 @@ class OutputGate:
 
     def _towards(self, asked: Array) -> Array:
         """Return the torque on the straight line to what is asked for that may be reached now."""
-        change = asked - self.latest_B_n_m
+        with np.errstate(over='ignore'):
+            change = asked - self.latest_B_n_m
+        if not np.isfinite(change).all():  # without a limit, from one end of floats to the other
+            self._returning = False
+            return asked
         part = scaled_into(change, SLEW_FRACTION * self._limit)
         self._returning = not np.array_equal(part, change)
         return self.latest_B_n_m + part if self._returning else asked
