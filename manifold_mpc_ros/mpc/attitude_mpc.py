@@ -254,8 +254,7 @@ class AttitudeMpc:
 
     def _elapsed_s(self) -> float:
         """Return the time that the local solvers have taken so far [s]."""
-        solvers = {id(solver): solver for solver in (self._strict, self._relaxed)}
-        return sum(solver.elapsed_s for solver in solvers.values())
+        return sum(solver.elapsed_s for solver in {self._strict, self._relaxed})
 
     def _status(self, plan: Plan, violation: float) -> SolveStatus:
         """Return how a solve ended."""
