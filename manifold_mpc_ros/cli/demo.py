@@ -77,17 +77,20 @@ def run(arguments: argparse.Namespace) -> int:
     console.print(f'Two processes on ROS_DOMAIN_ID={domain_id}, topics under {namespace}')
     with recorder_class(domain_id, namespace) as recorder, NodeProcesses() as processes, \
             DemoBag(arguments.output / 'bag', domain_id, namespace) as bag:
-        def start(module: str, file: Path) -> None:
+        def start(module: str, file: Path, *more: str) -> None:
             processes.start(
-                module, ['--params-file', str(file), '-r', f'__ns:={namespace}'], environment,
-                arguments.output / f'{module}.log')
+                module, ['--params-file', str(file), '-r', f'__ns:={namespace}', *more],
+                environment, arguments.output / f'{module}.log')
 
         with DemoDisplay(console) as display:
             waiting = StartWatch(recorder, processes, arguments.start_limit, display)
             start('simulator', files[1])
             # Seen before anything moves: the recording begins at the initial state.
             waiting.until(lambda: recorder.states > 0)
-            start('controller', files[0])
+            start('controller', files[0], '-p', 'autostart:=false')
+            if not recorder.start_controller(waiting.look):
+                raise ManifoldMpcError('the controller refused to start: '
+                                       + processes.nodes[-1].last_words())
             waiting.until(lambda: loop_is_closed(recorder))
             watch_until_settled(recorder, processes, config.mpc, arguments, display)
         bag.end()

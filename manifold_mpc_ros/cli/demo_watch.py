@@ -39,20 +39,22 @@ class StartWatch:
         self.elapsed_s = 0.0
 
     def until(self, condition: Callable[[], bool]) -> None:
-        """Listen until the condition holds; `elapsed_s` is then the wall clock used so far.
+        """Listen until the condition holds; raises what `look` raises."""
+        self._recorder.until(condition, self.look)
+
+    def look(self) -> None:
+        """Show how far the start is; `elapsed_s` is the wall clock used so far.
 
         Raises ManifoldMpcError when a node ends or the limit is reached.
         """
-        while not condition():
-            if self.elapsed_s > self._limit_s:
-                raise ManifoldMpcError(
-                    f'no torque came within {self._limit_s:g} s of the start '
-                    f'({self._recorder.states} states seen); the nodes said: ' + '; '.join(
-                        f'{node.name}: {node.last_words()}' for node in self._processes.nodes))
-            _require_running(self._processes)
-            self._display.starting(self.elapsed_s, self._recorder.states, self._recorder.mode)
-            self._recorder.listen(LISTEN_S)
-            self.elapsed_s = time.monotonic() - self._begun_s
+        self.elapsed_s = time.monotonic() - self._begun_s
+        if self.elapsed_s > self._limit_s:
+            raise ManifoldMpcError(
+                f'no torque came within {self._limit_s:g} s of the start '
+                f'({self._recorder.states} states seen); the nodes said: ' + '; '.join(
+                    f'{node.name}: {node.last_words()}' for node in self._processes.nodes))
+        _require_running(self._processes)
+        self._display.starting(self.elapsed_s, self._recorder.states, self._recorder.mode)
 
 
 def loop_is_closed(recorder: Recorder) -> bool:
@@ -74,7 +76,7 @@ def watch_until_settled(
     within_since_s: float | None = None
     while (elapsed_s := time.monotonic() - begun_s) < arguments.time_limit:
         _require_running(processes)
-        recorder.listen(LISTEN_S)
+        recorder.spin(LISTEN_S)
         state_s, R_NB, omega_BN_B = recorder.latest_state()
         error_rad = float(error_angle(config, R_NB))
         rate_rad_s = float(np.linalg.norm(omega_BN_B))

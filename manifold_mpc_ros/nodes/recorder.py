@@ -4,25 +4,19 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
-from types import TracebackType
 
 import numpy as np
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 
 from manifold_mpc_ros.config_checks import FloatArray
 from manifold_mpc_ros.config_tables import CONTROLLER_NAME
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.gate import NANOSECONDS
+from manifold_mpc_ros.nodes.listener import Listener, Watch
 from manifold_mpc_ros.nodes.managed_node import INPUT_QOS
 
 NODE_NAME = 'manifold_mpc_recorder'
@@ -39,28 +33,19 @@ class Recording:
     torque_B_n_m: FloatArray   # (m, 3)
 
 
-class Recorder:
-    """A node of its own context that listens to ``odometry``, ``torque_command``, diagnostics.
-
-    Use as a context manager; it does not touch rclpy's default context nor any signal handler.
-    """
+class Recorder(Listener):
+    """Listens to ``odometry``, ``torque_command`` and the controller's diagnostics."""
 
     def __init__(self, domain_id: int, namespace: str = '') -> None:
-        """Join a domain and subscribe to the topics of a namespace."""
+        """Join a domain and subscribe to the topics of a namespace, '' or ``/name``."""
+        super().__init__(NODE_NAME, domain_id)
         self._controller = f'{namespace}/{CONTROLLER_NAME}'.strip('/')
-        self._context = Context()
-        rclpy.init(context=self._context, domain_id=domain_id,
-                   signal_handler_options=SignalHandlerOptions.NO)
-        self._node = Node(NODE_NAME, context=self._context, namespace=namespace,
-                          enable_rosout=False, start_parameter_services=False)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
-        for kind, topic, callback in (
-            (Odometry, 'odometry', self._on_odometry),
-            (WrenchStamped, 'torque_command', self._on_torque),
-            (DiagnosticArray, '/diagnostics', self._on_diagnostics),
-        ):
-            self._node.create_subscription(kind, topic, callback, INPUT_QOS)
+        _, self._torque, _ = (
+            self.node.create_subscription(kind, topic, callback, INPUT_QOS)
+            for kind, topic, callback in (
+                (Odometry, f'{namespace}/odometry', self._on_odometry),
+                (WrenchStamped, f'{namespace}/torque_command', self._on_torque),
+                (DiagnosticArray, '/diagnostics', self._on_diagnostics)))
         self._stamps_ns: list[int] = []
         self._attitudes: list[FloatArray] = []
         self._rates: list[tuple[float, float, float]] = []
@@ -73,14 +58,15 @@ class Recorder:
         """Return the recorder."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Leave the domain."""
-        self._executor.shutdown(timeout_sec=0)
-        self._node.destroy_node()
-        rclpy.try_shutdown(context=self._context)
+    def start_controller(self, watch: Watch) -> bool:
+        """Configure and activate the controller; return whether it did.
+
+        It is activated when the two have found each other, so that its first command is seen.
+        """
+        if not self.configure(self._controller, watch):
+            return False
+        self.until(lambda: self._torque.get_publisher_count() > 0, watch)
+        return self.activate(self._controller, watch)
 
     @property
     def states(self) -> int:
@@ -107,12 +93,6 @@ class Recorder:
     def latest_torque(self) -> FloatArray:
         """Return the last torque seen (3,) [N m]."""
         return np.array(self._torques[-1])
-
-    def listen(self, duration_s: float) -> None:
-        """Take in messages for a while of wall clock."""
-        end_s = time.monotonic() + duration_s
-        while (left_s := end_s - time.monotonic()) > 0.0:
-            self._executor.spin_once(timeout_sec=left_s)
 
     def recording(self) -> Recording:
         """Return everything seen so far as arrays."""
