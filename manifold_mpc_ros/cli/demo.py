@@ -88,9 +88,7 @@ def run(arguments: argparse.Namespace) -> int:
             # Seen before anything moves: the recording begins at the initial state.
             waiting.until(lambda: recorder.states > 0)
             start('controller', files[0], '-p', 'autostart:=false')
-            if not recorder.start_controller(waiting.look):
-                raise ManifoldMpcError('the controller refused to start: '
-                                       + processes.nodes[-1].last_words())
+            _activate_controller(recorder, bag, processes, waiting)
             waiting.until(lambda: loop_is_closed(recorder))
             watch_until_settled(recorder, processes, config.mpc, arguments, display)
         bag.end()
@@ -99,6 +97,19 @@ def run(arguments: argparse.Namespace) -> int:
         exits = processes.stop()
     status = _finish(console, recording, solver, waiting.elapsed_s, exits, config, arguments)
     return status if _report(console, bag) else 1
+
+
+def _activate_controller(
+    recorder: Recorder, bag: DemoBag, processes: NodeProcesses, waiting: StartWatch,
+) -> None:
+    """Let the controller begin when it knows who listens, so that its first command is seen."""
+    name = recorder.controller
+    if recorder.configure(name, waiting.look):
+        bag.listen(name, waiting.look)
+        if recorder.activate(name, waiting.look):
+            return
+    raise ManifoldMpcError(
+        f'the controller refused to start: {processes.nodes[-1].last_words()}')
 
 
 def _report(console: Console, bag: DemoBag) -> bool:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import argparse
 import threading
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -54,9 +55,16 @@ class DemoBag:
         self._thread = threading.Thread(target=self._record, name=NAME, daemon=True)
 
     def __enter__(self) -> DemoBag:
-        """Begin to listen."""
-        self._thread.start()
+        """Return the bag."""
         return self
+
+    def listen(self, controller: str, watch: Callable[[], None]) -> None:
+        """Take in what comes from now on; the controller then knows who listens.
+
+        ``watch`` is called at every look, and raises to give up.
+        """
+        self._recorder.meet(controller, watch)
+        self._thread.start()
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None,

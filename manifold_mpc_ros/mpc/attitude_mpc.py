@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from manifold_mpc_ros.config import AttitudeMpcConfig
+from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.mpc import search
 from manifold_mpc_ros.mpc.kernel.build import load_solver
 from manifold_mpc_ros.mpc.kernel.rules import is_converged
@@ -121,7 +122,13 @@ class AttitudeMpc:
             Commanded attitude (3, 3); the identity when None.
         max_solve_time_s
             Time [s] after which no pass and no start begins: the best plan so far is the answer,
-            'feasible' instead of 'converged'. None: until it converges.
+            'feasible' instead of 'converged', or 'infeasible' when none has met every limit yet.
+            None: until it converges.
+
+        Raises
+        ------
+        ConfigurationError
+            For an array of another shape; what a state holds is judged by the status.
 
         """
         begin = time.perf_counter()
@@ -152,6 +159,10 @@ class AttitudeMpc:
         attitude = self._R_NB = np.asarray(R_NB, dtype=float)
         omega = self._omega = np.asarray(omega_BN_B, dtype=float)
         target = _IDENTITY if R_ND is None else np.asarray(R_ND, dtype=float)
+        for name, value, shape in (('R_NB', attitude, (3, 3)), ('omega_BN_B', omega, (3,)),
+                                   ('R_ND', target, (3, 3))):
+            if value.shape != shape:
+                raise ConfigurationError(name, value.shape, f'an array of shape {shape}')
         rate, self._begun_s = omega * self._unit.time_s, self._elapsed_s()
         measure = self._strict.measure(attitude, target, rate)
         if measure.defect > ROTATION_DEFECT or measure.momentum_squared >= self._guard_squared:

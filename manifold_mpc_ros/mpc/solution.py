@@ -15,8 +15,9 @@ class SolveStatus(str, Enum):
 
     CONVERGED: the optimality conditions hold. FEASIBLE: every limit holds, the budget ran out
     or no better plan than the kept one was found. INFEASIBLE: no plan meets the state limits
-    and the terminal set; the plan violates them as little as an exact penalty says, and keeps
-    the torque limits. FAILED: the state cannot be predicted from; the torque is zero.
+    and the terminal set, or none did when the budget ran out; the plan violates them as little
+    as an exact penalty says, and keeps the torque limits. FAILED: the state cannot be predicted
+    from; the torque is zero.
     """
 
     CONVERGED = 'converged'

@@ -177,7 +177,7 @@ class BagRecorder(Listener):
     def _note_diagnostics(self, data: bytes) -> None:
         """Remember what the controller last said about itself."""
         for status in deserialize_message(data, DiagnosticArray).status:
-            if status.name == CONTROLLER_NAME:
+            if status.name.rpartition('/')[2] == CONTROLLER_NAME:
                 self.controller = {pair.key: pair.value for pair in status.values}
 
     def _write(self, message: RawMessage) -> None:

@@ -16,7 +16,7 @@ from manifold_mpc_ros.config_tables import CONTROLLER_NAME
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.gate import NANOSECONDS
-from manifold_mpc_ros.nodes.listener import Listener, Watch
+from manifold_mpc_ros.nodes.listener import Listener
 from manifold_mpc_ros.nodes.managed_node import INPUT_QOS
 
 NODE_NAME = 'manifold_mpc_recorder'
@@ -39,13 +39,13 @@ class Recorder(Listener):
     def __init__(self, domain_id: int, namespace: str = '') -> None:
         """Join a domain and subscribe to the topics of a namespace, '' or ``/name``."""
         super().__init__(NODE_NAME, domain_id)
-        self._controller = f'{namespace}/{CONTROLLER_NAME}'.strip('/')
-        _, self._torque, _ = (
+        self.controller = f'{namespace}/{CONTROLLER_NAME}'.strip('/')
+        for kind, topic, callback in (
+            (Odometry, f'{namespace}/odometry', self._on_odometry),
+            (WrenchStamped, f'{namespace}/torque_command', self._on_torque),
+            (DiagnosticArray, '/diagnostics', self._on_diagnostics),
+        ):
             self.node.create_subscription(kind, topic, callback, INPUT_QOS)
-            for kind, topic, callback in (
-                (Odometry, f'{namespace}/odometry', self._on_odometry),
-                (WrenchStamped, f'{namespace}/torque_command', self._on_torque),
-                (DiagnosticArray, '/diagnostics', self._on_diagnostics)))
         self._stamps_ns: list[int] = []
         self._attitudes: list[FloatArray] = []
         self._rates: list[tuple[float, float, float]] = []
@@ -57,16 +57,6 @@ class Recorder(Listener):
     def __enter__(self) -> Recorder:
         """Return the recorder."""
         return self
-
-    def start_controller(self, watch: Watch) -> bool:
-        """Configure and activate the controller; return whether it did.
-
-        It is activated when the two have found each other, so that its first command is seen.
-        """
-        if not self.configure(self._controller, watch):
-            return False
-        self.until(lambda: self._torque.get_publisher_count() > 0, watch)
-        return self.activate(self._controller, watch)
 
     @property
     def states(self) -> int:
@@ -121,7 +111,7 @@ class Recorder(Listener):
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         """Remember what the controller last said about itself."""
         for status in message.status:
-            if status.name == self._controller:
+            if status.name == self.controller:
                 self.solver = {pair.key: pair.value for pair in status.values}
                 self.mode = self.solver.get('mode', '')
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A time budget ends a solve with the best plan so far, and says so."""
+"""What a solve is given besides a good state: a time budget, or arrays of a wrong shape."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from cases import CERTIFIED, LIMITED, cold, random_states, rest_states
 
+from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.solution import SolveStatus
 
@@ -51,3 +52,12 @@ def test_enough_time_changes_nothing(controller: Make) -> None:
         bounded = cold(mpc).solve(R, omega, max_solve_time_s=60.0)
         assert np.array_equal(free.torques_B_n_m, bounded.torques_B_n_m)
         assert bounded.status == SolveStatus.CONVERGED
+
+
+@pytest.mark.parametrize(('arguments', 'key'), [
+    ((np.eye(2), np.zeros(3)), 'R_NB'), ((np.eye(3), np.zeros(4)), 'omega_BN_B'),
+    ((np.eye(3), np.zeros(3), np.eye(4)), 'R_ND')])
+def test_a_wrong_shape_is_named(
+        controller: Make, arguments: tuple[np.ndarray, ...], key: str) -> None:
+    with pytest.raises(ConfigurationError, match=key):
+        controller(**LIMITED).solve(*arguments)
