@@ -72,8 +72,7 @@ class InterpretedSolver(LocalSolver):
                                                        else n + 1))
             for memory in (Memory.MODEL, Memory.GLOBAL) for field in memory_fields(memory)}
         self._plan, self._fresh = InterpretedPlan(structure, n), InterpretedPlan(structure, n)
-        self._bound: dict[tuple[str, int, int], Callable[[], None]] = {}
-        self._kept: dict[int, InterpretedPlan] = {}    # plans that the bound parts are bound to
+        self._bound: dict[tuple[str, Plan, Plan], Callable[[], None]] = {}
         self._at(f.PARAMETER)[:] = parameters
         self._at(f.INNER)[:n] = 1.0
         self._at(f.LATER)[1:] = 1.0
@@ -89,12 +88,11 @@ class InterpretedSolver(LocalSolver):
     def _run(self, part: str, plan: InterpretedPlan | None = None) -> None:
         """Run a part from a plan (the current one) to the fresh trajectory."""
         old = self._plan if plan is None else plan
-        key = part, id(old), id(self._fresh)
+        key = part, old, self._fresh
         if key not in self._bound:
             self._bound[key] = self._parts.bind(part, self._shared | {
                 Slot(field, new): side.memory[field]
                 for new, side in ((False, old), (True, self._fresh)) for field in side.memory})
-            self._kept[id(old)] = old
         self._bound[key]()
 
     def measure(self, R_NB: Array, R_ND: Array, omega: Array) -> Measure:
