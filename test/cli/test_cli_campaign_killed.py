@@ -88,6 +88,18 @@ def test_killed_twice_and_resumed_it_is_the_same_campaign(
             == (tmp_path / 'quiet' / 'loops.parquet').read_bytes())
 
 
+def ends_soon(group: int) -> bool:
+    """Return whether nothing of a process group is left: a worker ends just after its parent."""
+    end = time.monotonic() + 10.0
+    while time.monotonic() < end:
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.02)
+    return False
+
+
 def test_ctrl_c_ends_all_processes_without_a_traceback(campaign: Path, tmp_path: Path) -> None:
     """At the terminal every process of the group gets the signal, starting workers too."""
     with running(campaign, tmp_path / 'out', '--loops', '5000') as process:
@@ -98,5 +110,4 @@ def test_ctrl_c_ends_all_processes_without_a_traceback(campaign: Path, tmp_path:
     assert process.returncode == 130, err
     assert 'Interrupted' in out
     assert err == ''
-    with pytest.raises(ProcessLookupError):
-        os.killpg(process.pid, 0)
+    assert ends_soon(process.pid)
