@@ -119,7 +119,7 @@ def test_either_node_may_be_killed_frozen_and_started_again(rig: Rig) -> None:
     loop.until_closed()
 
     ticks, missed = int(loop.value('ticks')), int(loop.value('missed_ticks'))
-    expired = int(loop.value('expired_commands', 'lgvi_simulator'))  # of the simulator started last
+    expired = int(loop.value('expired_commands', 'lgvi_simulator'))  # of the last simulator
     controller.signal(signal.SIGSTOP)
     loop.until(lambda: int(loop.value('expired_commands', 'lgvi_simulator')) > expired,
                'zero at the plant')
