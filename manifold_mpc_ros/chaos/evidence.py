@@ -63,11 +63,16 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Limits:
-    """What is demanded whatever the fault: the limits of the torque, the time between commands."""
+    """What is demanded whatever the fault: the limits of the torque, the time between commands.
+
+    Where everybody follows simulated time, as many steps of it as ``made_up_steps`` may come at
+    once after the machine was late, each with its tick.
+    """
 
     max_torque_n_m: tuple[float, ...]
     step_s: float
     longest_gap_s: float
+    made_up_steps: int = 0
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ def judge(seen: Evidence, limits: Limits) -> Verdict:
     """
     figures = _figures(seen, limits)
     machine_s = seen.late_s + seen.starved_s
-    wrong = _wrongs(seen, figures)
+    wrong = _wrongs(seen, figures, limits)
     late = _delays(seen, figures, limits, machine_s)
     strict = _delays(seen, figures, limits, 0.0)
     return Verdict(
@@ -68,14 +68,15 @@ def _figures(seen: Evidence, limits: Limits) -> dict[str, Any]:
     }
 
 
-def _wrongs(seen: Evidence, figures: Mapping[str, Any]) -> list[str]:
+def _wrongs(seen: Evidence, figures: Mapping[str, Any], limits: Limits) -> list[str]:
     """Return what is held against the nodes however slow the machine is."""
     return [*seen.troubles, *(words for broken, words in (
         (figures['non_finite'] > 0, f'{figures["non_finite"]} commands were not finite'),
         (figures['over_limit'] > 0, f'{figures["over_limit"]} commands were over the limit'),
         (seen.exceptions > 0, f'{seen.exceptions} unhandled exceptions'),
         (seen.tick_drift > 0, f'{seen.tick_drift} commands beyond one per tick'),
-        (figures['burst'] > _MOST_IN_A_STEP, f'{figures["burst"]} commands within one step'),
+        (figures['burst'] > _MOST_IN_A_STEP + limits.made_up_steps,
+         f'{figures["burst"]} commands within one step'),
     ) if broken)]
 
 

@@ -19,6 +19,7 @@ from manifold_mpc_ros.cli.chaos_injection import injection
 from manifold_mpc_ros.config_controller import ControllerConfig
 from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.nodes.pacing import LONGEST_CATCH_UP_S
 
 #: Both nodes have to be at work within this after the start [s].
 START_S = 180.0
@@ -59,7 +60,8 @@ class Trials:
         step_s = bench.plan.step_s or config.mpc.step_s
         self.limits = Limits(
             tuple(np.full(3, math.inf) if limit is None else limit), step_s,
-            max(5.0 * step_s, LONGEST_GAP_S))
+            max(5.0 * step_s, LONGEST_GAP_S),
+            round(LONGEST_CATCH_UP_S / step_s) if bench.simulated_time else 0)
 
     def settle_in(self) -> None:
         """Wait until both nodes are at work; raises ManifoldMpcError."""

@@ -4,6 +4,9 @@
 
 from __future__ import annotations
 
+#: A clock that moves on by more than this between two ticks has leapt: nothing was due [s].
+LEAP_S = 60.0
+
 
 class TickTiming:
     """Compares ticks with the grid that they are due on; a missed tick is skipped, not made up.
@@ -24,10 +27,10 @@ class TickTiming:
         self.missed = 0
 
     def begin(self, now_s: float) -> None:
-        """Note that a tick begins; time that went back sets the grid anew."""
+        """Note that a tick begins; time that went back or leapt sets the grid anew."""
         due_s = now_s if self._due_s is None else self._due_s
         late_s = now_s - due_s
-        if late_s < -self._step_s:
+        if not -self._step_s <= late_s <= LEAP_S:
             due_s, late_s = now_s, 0.0
         missed = max(0, int(late_s / self._step_s + 1e-9))
         self.missed += missed

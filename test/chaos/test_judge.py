@@ -92,6 +92,12 @@ def test_silence_is_allowed_where_the_source_is_dead() -> None:
     assert judge(evidence(fault=silent, commands=WITH_A_GAP), LIMITS).survived
 
 
+def test_steps_of_simulated_time_may_come_at_once() -> None:
+    burst = [*COMMANDS, *[Command(10.2, (0.0, 0.0, 0.0))] * 8]
+    assert judge(evidence(commands=burst), replace(LIMITS, made_up_steps=12)).survived
+    assert not judge(evidence(commands=burst * 3), replace(LIMITS, made_up_steps=12)).survived
+
+
 def test_what_the_machine_was_late_by_is_an_excuse_that_is_said() -> None:
     for changes in ({'commands': WITH_A_GAP}, {'recovered_s': 11.6}):
         verdict = judge(evidence(**changes, late_s=0.1, starved_s=0.1), LIMITS)
