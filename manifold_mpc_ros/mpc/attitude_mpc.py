@@ -20,8 +20,8 @@ from manifold_mpc_ros.mpc.kernel.solver import LocalSolver, Measure, Plan
 from manifold_mpc_ros.mpc.kernel.structure import Structure
 from manifold_mpc_ros.mpc.scaling import Array, flat_parameters, scaling_of
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
+from manifold_mpc_ros.mpc.stored_design import stored_design
 from manifold_mpc_ros.mpc.target import error_angle
-from manifold_mpc_ros.problems.registry import terminal_design
 from manifold_mpc_ros.theory.design import TerminalDesign
 from manifold_mpc_ros.theory.manifold import tangent_basis
 
@@ -84,7 +84,7 @@ class AttitudeMpc:
 
         """
         self.config = config
-        self.terminal: TerminalDesign = terminal or terminal_design(config)
+        self.terminal: TerminalDesign = terminal or stored_design(config, cache_dir)
         self._unit = scaling_of(config)
         structure = structure_of(config)
         make, self.backend = load_solver(structure, config.horizon, backend, cache_dir)

@@ -4,14 +4,13 @@
 
 The compiled library depends on the problem's structure only (forcing, target, which inequalities
 exist); the horizon and all numbers are run-time values. Its file name is a hash of the structure,
-of the sources that generate it, of CasADi, of the compiler and of the processor, and it appears
-in the cache by an atomic rename: concurrent starts can at worst compile the same thing twice. A
-checksum ends the file, because loading a truncated library would end the process.
+of the sources that generate it, of CasADi, of the compiler and of the processor. Concurrent starts
+can at worst compile the same thing twice; a damaged library is not loaded, which would end the
+process (:mod:`manifold_mpc_ros.mpc.cache`).
 """
 
 from __future__ import annotations
 
-import hashlib
 import os
 import platform
 import shlex
@@ -24,6 +23,7 @@ from pathlib import Path
 import casadi as ca
 
 from manifold_mpc_ros.errors import ConfigurationError, SolverBuildError
+from manifold_mpc_ros.mpc import cache
 from manifold_mpc_ros.mpc.kernel.generate import program_code
 from manifold_mpc_ros.mpc.kernel.interpreted import InterpretedSolver, Parts
 from manifold_mpc_ros.mpc.kernel.native import Library, NativeSolver
@@ -38,7 +38,6 @@ BACKENDS = ('auto', 'c', 'vm')
 _FLAGS = ('-std=gnu11', '-O2', '-march=native', '-ffp-contract=off', '-fno-math-errno', '-fPIC',
           '-shared')
 _COMPILE_TIMEOUT_S = 300
-_CHECKSUM = hashlib.sha256().digest_size
 
 # Makes a solver with memory of its own from a flat vector of parameters.
 MakeSolver = Callable[[Array], LocalSolver]
@@ -62,7 +61,7 @@ def load_solver(structure: Structure, horizon: int, backend: str, cache_dir: str
         raise ConfigurationError('backend', backend, f'one of {", ".join(BACKENDS)}')
     if backend != 'vm':
         try:
-            library = _load_library(structure, _cache_directory(cache_dir))
+            library = _load_library(structure, cache.cache_directory(cache_dir))
             return lambda numbers: NativeSolver(library, structure, horizon, numbers), 'c'
         except SolverBuildError:
             if backend == 'c':
@@ -71,25 +70,19 @@ def load_solver(structure: Structure, horizon: int, backend: str, cache_dir: str
     return lambda numbers: InterpretedSolver(parts, structure, numbers), 'vm'
 
 
-def _load_library(structure: Structure, cache: Path) -> Library:
+def _load_library(structure: Structure, folder: Path) -> Library:
     """Return the compiled solver, from the cache or freshly compiled."""
-    path = cache / f'solver_{_key(structure)}.so'
-    if not _is_intact(path):
-        _compile(structure, path)
+    path = folder / f'solver_{_key(structure)}.so'
+    if cache.read(path) is None:
+        try:
+            _compile(structure, path)
+        except OSError as error:
+            raise SolverBuildError(f'cannot write {path}: {error}') from error
     return Library(path)
 
 
-def _is_intact(library: Path) -> bool:
-    """Return whether a library is there and ends with the checksum of the rest."""
-    try:
-        content = library.read_bytes()
-    except OSError:
-        return False
-    return hashlib.sha256(content[:-_CHECKSUM]).digest() == content[-_CHECKSUM:]
-
-
 def _compile(structure: Structure, library: Path) -> None:
-    """Generate C, compile it beside its destination and move it there atomically."""
+    """Generate C, compile it beside its destination and put it there."""
     compiler = _compiler()
     with tempfile.TemporaryDirectory(dir=library.parent, prefix='build_') as folder:
         source, built = Path(folder) / 'solver.c', Path(folder) / 'solver.so'
@@ -103,10 +96,7 @@ def _compile(structure: Structure, library: Path) -> None:
         if result.returncode != 0:
             lines = result.stderr.strip().splitlines() or ['no message']
             raise SolverBuildError(f'{compiler[0]} failed on the generated solver: {lines[0]}')
-        with built.open('r+b') as file:
-            checksum = hashlib.sha256(file.read()).digest()
-            file.write(checksum)
-        os.replace(built, library)
+        cache.write(library, built.read_bytes())
 
 
 def _compiler() -> list[str]:
@@ -120,33 +110,9 @@ def _compiler() -> list[str]:
     raise SolverBuildError(f'no C compiler found ({wanted or "cc, gcc, clang"})')
 
 
-def _cache_directory(cache_dir: str | Path | None) -> Path:
-    """Return a writable directory: the given one, $MANIFOLD_MPC_CACHE, or the user's cache."""
-    base = os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache'
-    chosen = cache_dir or os.environ.get('MANIFOLD_MPC_CACHE') or Path(base) / 'manifold_mpc_ros'
-    path = Path(chosen)
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=path):
-            return path
-    except OSError as error:
-        raise SolverBuildError(f'cannot write to the solver cache {path}: {error}') from error
-
-
-def _hash_sources() -> str:
-    """Return the hash of the files that generate the code."""
-    digest = hashlib.sha256()
-    kernel = Path(__file__).resolve().parent
-    package = kernel.parent.parent
-    for source in sorted([*kernel.glob('*.*'), *package.glob('*/symbolic.py'),
-                          package / 'dynamics' / 'scalar_form.py',
-                          package / 'mpc' / 'scaling.py']):
-        digest.update(source.read_bytes())
-    return digest.hexdigest()
-
-
 # Taken when the modules are imported: sources that change later are not what runs here.
-_SOURCES = _hash_sources()
+_SOURCES = cache.hash_of_sources(
+    'mpc/kernel/*.*', '*/symbolic.py', 'dynamics/scalar_form.py', 'mpc/scaling.py')
 
 
 def _key(structure: Structure) -> str:
@@ -155,7 +121,7 @@ def _key(structure: Structure) -> str:
     compiler = Path(command[0]).resolve()
     facts = (_SOURCES, structure, ca.CasadiMeta.version(), _FLAGS, command, compiler,
              compiler.stat().st_mtime_ns, platform.machine(), _processor_flags())
-    return hashlib.sha256(repr(facts).encode()).hexdigest()[:24]
+    return cache.name_of(*facts)
 
 
 def _processor_flags() -> str:

@@ -27,22 +27,22 @@ from manifold_mpc_ros.mpc.kernel.solver import (
     Report,
 )
 from manifold_mpc_ros.mpc.kernel.structure import Structure
-from manifold_mpc_ros.mpc.kernel.virtual import Part, Slot
+from manifold_mpc_ros.mpc.kernel.virtual import Part, Slot, memory_of
 from manifold_mpc_ros.mpc.scaling import Array
 
 
 class InterpretedPlan(Plan):
-    """A trajectory as one array per field, column after column."""
+    """A trajectory as one array (size, N + 1) per field."""
 
     def __init__(self, structure: Structure, horizon: int) -> None:
         """Allocate."""
         super().__init__(structure, horizon)
-        self.memory = {field: np.zeros(field.size * (horizon + 1))
+        self.memory = {field: memory_of(field, horizon)
                        for field in memory_fields(Memory.TRAJECTORY)}
 
     def field(self, field: Field) -> Array:
         """Return a field (N + 1, size)."""
-        return self.memory[field].reshape(self.horizon + 1, field.size)
+        return self.memory[field].T
 
 
 class Parts:
@@ -68,8 +68,7 @@ class InterpretedSolver(LocalSolver):
         self._parts = parts
         n = parts.horizon
         self._shared = {
-            Slot(field, False): np.zeros(field.size * (1 if field.memory is Memory.GLOBAL
-                                                       else n + 1))
+            Slot(field, False): memory_of(field, n)
             for memory in (Memory.MODEL, Memory.GLOBAL) for field in memory_fields(memory)}
         self._plan, self._fresh = InterpretedPlan(structure, n), InterpretedPlan(structure, n)
         self._bound: dict[tuple[str, Plan, Plan], Callable[[], None]] = {}
@@ -82,8 +81,9 @@ class InterpretedSolver(LocalSolver):
         self._flag, self._passes = rules.STALLED, 0
 
     def _at(self, field: Field) -> Array:
-        """Return the memory of a field of the model or of the globals."""
-        return self._shared[Slot(field, False)]
+        """Return the memory of a global, or of a field of the model (N + 1, size)."""
+        memory = self._shared[Slot(field, False)]
+        return memory[:, 0] if field.memory is Memory.GLOBAL else memory.T
 
     def _run(self, part: str, plan: InterpretedPlan | None = None) -> None:
         """Run a part from a plan (the current one) to the fresh trajectory."""
@@ -111,7 +111,7 @@ class InterpretedSolver(LocalSolver):
         """Start from the slew law."""
         begun_s = time.monotonic()
         self._at(f.BARRIER)[:] = self._mu = mu
-        leans = self._at(f.LEAN).reshape(-1, 3)
+        leans = self._at(f.LEAN)
         leans[:] = 0.0
         leans[:lean_steps] = lean
         self._run('slew')
@@ -272,4 +272,4 @@ class InterpretedSolver(LocalSolver):
 
     def poses(self) -> Array:
         """Return what the last report wrote about every node."""
-        return self._at(f.POSE).reshape(self.horizon + 1, -1).copy()
+        return self._at(f.POSE).copy()
