@@ -124,6 +124,17 @@ def ticks(data: dict[str, Any]) -> str:
          for row in data['rows']])
 
 
+def loops(data: dict[str, Any]) -> str:
+    """Return how long many loops took, and how they ended."""
+    row = data['row']
+    return (f'{row["loops"]:,} loops of {row["ticks"]} steps, N = {row["horizon"]}, on '
+            f'{row["threads"]} threads: {row["elapsed_s"]:.1f} s, '
+            f'{row["solves_per_s"]:,.0f} solves a second, {row["searches"]:,} searches.\n\n'
+            + table(['aim', 'measured', 'at most', 'met'], [
+                [aim['aim'], f'{aim["value"]:.3g}', f'{aim["at_most"]:g}',
+                 'yes' if aim['met'] else '**no**'] for aim in data['targets']]))
+
+
 def counts(data: dict[str, Any]) -> str:
     """Return instructions per solve."""
     return table(['solver', 'N', 'cold', 'warm steps after each', 'instructions per solve'], [
@@ -140,9 +151,11 @@ TABLES: dict[str, tuple[str, Callable[[dict[str, Any]], str]]] = {
     'ticks': ('tick', lambda data: _with_picture(ticks(data), 'tick')),
     'tick-machine': ('tick', machine),
     'instructions': ('instructions', counts),
+    'batch': ('batch', loops),
 }
 COMMANDS = {'bench': 'make bench', 'tick': 'manifold-mpc bench --tick',
-            'instructions': 'manifold-mpc bench --instructions'}
+            'instructions': 'manifold-mpc bench --instructions',
+            'batch': 'manifold-mpc bench --batch'}
 
 
 def filled(page: str) -> str:

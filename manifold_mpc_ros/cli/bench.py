@@ -33,6 +33,8 @@ EXAMPLES = """\
       instructions per solve of our solver by valgrind, which no other load changes
   manifold-mpc bench --tick
       latency of the controller node over DDS, at 10 to 200 Hz: ten minutes
+  manifold-mpc bench --batch
+      10,000 closed loops of 200 steps on all cores: a minute
 """
 HORIZONS = (5, 10, 20, 40, 80, 160)
 QUICK_HORIZONS = (10, 20)
@@ -64,13 +66,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='instead: count instructions of our solver, which needs valgrind')
     instead.add_argument(
         '--tick', action='store_true', help='instead: latency of the controller node over DDS')
+    instead.add_argument(
+        '--batch', action='store_true', help='instead: many closed loops at once on all cores')
     parser.add_argument(
         '--seconds', type=shared.positive_number, metavar='S',
         help=f'length of each run of --tick (default: {TICK_S:g}, {QUICK_TICK_S:g} with --quick)')
     parser.add_argument(
         '--output', type=Path, metavar='FILE.json',
-        help='every figure (default: results/bench.json, instructions.json or tick.json); the '
-             'picture goes beside it')
+        help='every figure (default: results/bench.json, instructions.json, tick.json or '
+             'batch.json); a picture goes beside it')
 
 
 def _horizon(text: str) -> int:
@@ -93,11 +97,14 @@ def run(arguments: argparse.Namespace) -> int:
     from manifold_mpc_ros.cli import bench_report, report
     console = report.make_console()
     core, entries = _core(arguments.core), _entries(arguments.solvers)
-    kind = 'instructions' if arguments.instructions else 'tick' if arguments.tick else 'bench'
+    kind = next((kind for kind in ('instructions', 'tick', 'batch')
+                 if getattr(arguments, kind)), 'bench')
     output = arguments.output or Path('results', f'{kind}.json')
     output.parent.mkdir(parents=True, exist_ok=True)
     if arguments.tick:
         return _measure_ticks(console, output, arguments)
+    if arguments.batch:
+        return _close_loops(console, output, arguments)
     if arguments.instructions:
         return _count_instructions(console, output, arguments, entries)
     states = instances.draw(
@@ -214,4 +221,19 @@ def _measure_ticks(console: Console, output: Path, arguments: argparse.Namespace
     output.write_text(json.dumps(data, indent=1, allow_nan=False) + '\n', encoding='utf-8')
     bench_tick.show(console, data)
     report.say_written(console, [output, plot_ticks(rows, output.with_suffix('.png'))])
+    return 0
+
+
+def _close_loops(console: Console, output: Path, arguments: argparse.Namespace) -> int:
+    """Close many loops at once, print and write what came of them."""
+    from manifold_mpc_ros.bench import closed_loops
+    from manifold_mpc_ros.cli import bench_batch, bench_report, report
+    loops = bench_batch.QUICK_LOOPS if arguments.quick else bench_batch.LOOPS
+    with bench_report.progress(console) as say:
+        row = closed_loops.close_loops(loops, bench_batch.TICKS, bench_batch.HORIZON, say)
+    data = {'statement': bench_batch.STATEMENT, 'machine': bench_report.machine(None, None),
+            'row': row, 'targets': bench_batch.targets(row)}
+    output.write_text(json.dumps(data, indent=1, allow_nan=False) + '\n', encoding='utf-8')
+    bench_batch.show(console, data)
+    report.say_written(console, [output])
     return 0

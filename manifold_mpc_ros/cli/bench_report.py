@@ -50,7 +50,7 @@ def progress(console: Console) -> Iterator[Callable[[str], None]]:
     yield say
 
 
-def machine(core: int, rate_flop_s: float | None) -> dict[str, Any]:
+def machine(core: int | None, rate_flop_s: float | None) -> dict[str, Any]:
     """Return what was measured on, with which software and under which load."""
     return {
         'processor': _processor(), 'cores': os.cpu_count(), 'core': core,

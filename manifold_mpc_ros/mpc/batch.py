@@ -73,8 +73,10 @@ class BatchMpc:
                 for _ in range(self.threads - 1))]
             self._own: list[LoopingMpc] | None = None
         else:
+            self._shared = []
             self._own = [LoopingMpc(config, backend=backend, cache_dir=cache_dir)
                          for config in configs]
+        self.backend = (self._own or self._shared)[0].backend
 
     def solve(self, R_NB: ArrayLike, omega_BN_B: ArrayLike) -> list[AttitudeMpcSolution]:
         """Map states (B, 3, 3) and (B, 3) [rad/s] to the plans that the global search finds."""

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from manifold_mpc_ros.bench import instances
-from manifold_mpc_ros.cli import bench_tick
+from manifold_mpc_ros.cli import bench_batch, bench_tick
 
 Command = Callable[..., tuple[int, str, str]]
 
@@ -37,6 +37,7 @@ def test_a_tiny_comparison(command: Command, tmp_path: Path) -> None:
     (['--horizons', '0'], "'0'"),
     (['--instances', 'many'], "'many'"),
     (['--tick', '--instructions'], '--instructions'),
+    (['--tick', '--batch'], '--batch'),
     (['--seconds', '-1'], '--seconds'),
 ])
 def test_mistakes_are_one_line(command: Command, arguments: list[str], named: str) -> None:
@@ -65,3 +66,23 @@ def test_the_aims_of_the_latency() -> None:
     assert late['met']
     assert not missed['met']
     assert bench_tick.targets([{**row, 'rate_hz': 50.0}]) == []
+
+
+def test_many_loops(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bench_batch, 'QUICK_LOOPS', 3)
+    output = tmp_path / 'batch.json'
+    status, out, err = command('bench', '--batch', '--quick', '--output', output)
+    assert (status, err) == (0, '')
+    data = json.loads(output.read_text(encoding='utf-8'))
+    assert data['row']['loops'] == 3
+    assert data['row']['passes'] > 3 * 200
+    assert [aim['met'] for aim in data['targets']] == [True] * 4
+    assert '3 loops of 200 steps' in out
+
+
+def test_the_aims_of_many_loops() -> None:
+    row = {'loops': bench_batch.LOOPS, 'elapsed_s': 61.0, 'not_settled': 1,
+           'solves_without_a_feasible_plan': 2, 'most_over_torque_limit_n_m': 1e-3,
+           'most_over_rate_limit_rad_s': -0.1}
+    assert [aim['met'] for aim in bench_batch.targets(row)] == [False] * 4 + [True]
+    assert len(bench_batch.targets({**row, 'loops': 7})) == 4
