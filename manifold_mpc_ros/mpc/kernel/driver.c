@@ -125,6 +125,11 @@ static void model_plan(solve *s)
     ++s->passes;
 }
 
+static double lowered(double exact)
+{
+    return exact > SMALLEST_BLEND ? BLEND_DOWN * exact : 0.0;
+}
+
 static void one_pass(solve *s)
 {
     model_plan(s);
@@ -136,13 +141,15 @@ static void one_pass(solve *s)
     if (length == 0.0) {
         if (s->exact == 0.0)
             s->flag = STALLED;
-        s->exact = s->exact > SMALLEST_BLEND ? BLEND_DOWN * s->exact : 0.0;
+        s->exact = lowered(s->exact);
         return;
     }
     take_fresh(s);
     if (length >= READY_LENGTH && s->decrease < BARRIER_READY * s->mu)
         s->mu = fmax(SMALLEST_BARRIER, fmin(BARRIER_FACTOR * s->mu, s->mu * sqrt(s->mu)));
-    s->exact = fmin(1.0, fmax(BLEND_UP * s->exact, SMALLEST_BLEND));
+    s->exact = length < SHORT_LENGTH
+        ? lowered(s->exact)
+        : fmin(1.0, fmax(BLEND_UP * s->exact, SMALLEST_BLEND));
 }
 
 /* Run up to `most` passes in all, until the flag says why it ended or the deadline is over. */

@@ -176,14 +176,20 @@ class InterpretedSolver(LocalSolver):
         if length == 0.0:
             if self._exact == 0.0:
                 self._flag = rules.STALLED
-            self._exact = (rules.BLEND_DOWN * self._exact
-                           if self._exact > rules.SMALLEST_BLEND else 0.0)
+            self._lower_blend()
             return
         self._take_fresh()
         if length >= rules.READY_LENGTH and self._decrease < rules.BARRIER_READY * self._mu:
             self._mu = max(rules.SMALLEST_BARRIER, min(
                 rules.BARRIER_FACTOR * self._mu, self._mu * math.sqrt(self._mu)))
-        self._exact = min(1.0, max(rules.BLEND_UP * self._exact, rules.SMALLEST_BLEND))
+        if length < rules.SHORT_LENGTH:
+            self._lower_blend()
+        else:
+            self._exact = min(1.0, max(rules.BLEND_UP * self._exact, rules.SMALLEST_BLEND))
+
+    def _lower_blend(self) -> None:
+        self._exact = (rules.BLEND_DOWN * self._exact
+                       if self._exact > rules.SMALLEST_BLEND else 0.0)
 
     def iterate(self, most: int, deadline_s: float = math.inf) -> None:
         """Run passes."""

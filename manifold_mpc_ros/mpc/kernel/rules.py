@@ -24,7 +24,9 @@ COST_NOISE = 1e-11
 BARRIER_NOISE = 1e-13
 BACKTRACK = 1 / 3
 SMALLEST_STEP = 1e-6
-# Blend towards the exact Hessian: halved while it is indefinite, grown on every accepted pass.
+# Blend towards the exact Hessian: halved while it is indefinite and after a step shorter than this
+# (an almost singular Hessian sends the plan far away, and the search creeps), grown by any other.
+SHORT_LENGTH = 0.03
 BLEND_DOWN = 0.5
 BLEND_UP = 1.5
 SMALLEST_BLEND = 0.05
