@@ -102,6 +102,7 @@ setup(
         (f'share/{NAME}/config/campaigns', sorted(glob('config/campaigns/*.yaml'))),
         (f'share/{NAME}/config/scenarios', sorted(glob('config/scenarios/*.yaml'))),
         (f'share/{NAME}/config/chaos', sorted(glob('config/chaos/*.yaml'))),
+        (f'share/{NAME}/config/fastdds', sorted(glob('config/fastdds/*'))),
         (f'share/{NAME}/config/sros2', sorted(glob('config/sros2/*'))),
         (f'share/{NAME}/config/systemd', sorted(glob('config/systemd/*.service'))),
         (f'share/{NAME}/launch', sorted(glob('launch/*.py'))),

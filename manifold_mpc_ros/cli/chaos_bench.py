@@ -27,6 +27,7 @@ from manifold_mpc_ros.cli.chaos_life import Life
 from manifold_mpc_ros.cli.processes import (
     STOP_TIMEOUT_S,
     NodeProcess,
+    loopback_only,
     node_environment,
     reserved_domain,
 )
@@ -147,7 +148,7 @@ class Bench:
                 name = f'/{topic}' if topic == SIMULATED_TIME else topic
                 arguments += ['-r', f'{name}:=/{topic}{BEHIND}']
         process = NodeProcess(
-            node, arguments, node_environment(self._domain),
+            node, arguments, node_environment(self._domain) | loopback_only(),
             self._folder / f'{node}_{number}.log', self.plan.programs.get(node))
         self.lives[node].append(Life(process, time.monotonic()))
         self.expected_end[node] = False

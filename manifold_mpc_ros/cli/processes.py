@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 
+from manifold_mpc_ros.cli.arguments import shipped_config
 from manifold_mpc_ros.errors import ManifoldMpcError
 
 # Fast DDS and the others take this port for the first participant of a domain (DDSI-RTPS 9.6.1).
@@ -87,6 +88,20 @@ def node_environment(domain_id: int) -> dict[str, str]:
     environment['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     environment['PYTHONUNBUFFERED'] = '1'
     return environment
+
+
+def loopback_only() -> dict[str, str]:
+    """Return variables with which Fast DDS uses UDP over the loopback interface, nothing else.
+
+    What a killed process leaves behind in shared memory holds others up (config/fastdds). Empty
+    for another middleware, and where the user has a profile.
+    """
+    profile = 'FASTRTPS_DEFAULT_PROFILES_FILE'
+    if profile in os.environ or 'fastrtps' not in os.environ.get(
+            'RMW_IMPLEMENTATION', 'rmw_fastrtps_cpp'):
+        return {}
+    return {profile: str(shipped_config('fastdds/one_computer.xml')),
+            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET'}
 
 
 class NodeProcess:
