@@ -7,16 +7,16 @@ from __future__ import annotations
 import argparse
 import os
 import re
-import signal
 import time
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING
 
 from manifold_mpc_ros.campaigns.case import CaseName, all_names
 from manifold_mpc_ros.campaigns.plan import CampaignPlan
 from manifold_mpc_ros.cli import arguments as shared
+from manifold_mpc_ros.cli.processes import end_on_sigterm
 from manifold_mpc_ros.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ def run(arguments: argparse.Namespace) -> int:
     work = chunks.Work(plan, chunks.build_controller)
     if arguments.case is not None:
         return campaign_case.show_case(console, work, CaseName.parse(arguments.case))
-    signal.signal(signal.SIGTERM, _interrupt)
+    end_on_sigterm()
     folder = arguments.output or DEFAULT_FOLDER / plan.name
     done = _run(console, work, folder, arguments)
     if not done.outcomes:
@@ -241,8 +241,3 @@ def _where(arguments: argparse.Namespace, todo: list[CaseName]) -> str:
     if arguments.scheduler is not None:
         return 'a Dask cluster'
     return f'{min(arguments.workers, len(todo))} process(es)'
-
-
-def _interrupt(_number: int, _frame: object) -> NoReturn:
-    """Let SIGTERM end the campaign the way Ctrl-C does."""
-    raise KeyboardInterrupt

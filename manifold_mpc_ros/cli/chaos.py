@@ -16,6 +16,7 @@ from manifold_mpc_ros.chaos.fault import CONTROLLER, Fault
 from manifold_mpc_ros.chaos.schedule import Trial
 from manifold_mpc_ros.chaos.table import FAULTS, QUICK, faults_named
 from manifold_mpc_ros.cli import arguments as shared
+from manifold_mpc_ros.cli.processes import end_on_sigterm
 from manifold_mpc_ros.errors import ConfigurationError, ManifoldMpcError
 
 if TYPE_CHECKING:
@@ -105,6 +106,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise ConfigurationError('--fault', arguments.fault, 'a fault that this run can inject')
     output = _destination(arguments.output or Path(f'results/chaos_{kind}.json'))
     _require_ros()
+    end_on_sigterm()
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'  # this process joins in
     done = _inject(_plan(arguments), trials, arguments, console)
     if not done.verdicts:

@@ -7,9 +7,8 @@ from __future__ import annotations
 import argparse
 import math
 import os
-import signal
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,7 +20,12 @@ from manifold_mpc_ros.cli.demo_watch import (
     loop_is_closed,
     watch_until_settled,
 )
-from manifold_mpc_ros.cli.processes import NodeProcesses, free_domain_id, node_environment
+from manifold_mpc_ros.cli.processes import (
+    NodeProcesses,
+    end_on_sigterm,
+    free_domain_id,
+    node_environment,
+)
 from manifold_mpc_ros.config import SimulatorConfig
 from manifold_mpc_ros.config_controller import ControllerConfig
 from manifold_mpc_ros.errors import ManifoldMpcError
@@ -72,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
     domain_id, namespace = free_domain_id(), f'/demo_{os.getpid()}'
     environment = node_environment(domain_id)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'  # the recorder is in this process
-    signal.signal(signal.SIGTERM, _interrupt)
+    end_on_sigterm()
     console = report.make_console()
     console.print(f'Two processes on ROS_DOMAIN_ID={domain_id}, topics under {namespace}')
     with recorder_class(domain_id, namespace) as recorder, NodeProcesses() as processes, \
@@ -133,11 +137,6 @@ def _recorder_class() -> type[Recorder]:
             f'the demo needs ROS 2 for Python, and {error.name or error} is not there: '
             "pip install 'manifold_mpc_ros[ros]', or source a ROS 2 installation") from None
     return Recorder
-
-
-def _interrupt(_number: int, _frame: object) -> NoReturn:
-    """Let SIGTERM end the nodes as well, the way Ctrl-C does."""
-    raise KeyboardInterrupt
 
 
 def _finish(

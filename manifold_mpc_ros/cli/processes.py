@@ -15,6 +15,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
+from typing import NoReturn
 
 from manifold_mpc_ros.cli.arguments import shipped_config
 from manifold_mpc_ros.errors import ManifoldMpcError
@@ -88,6 +89,15 @@ def node_environment(domain_id: int) -> dict[str, str]:
     environment['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     environment['PYTHONUNBUFFERED'] = '1'
     return environment
+
+
+def end_on_sigterm() -> None:
+    """Let SIGTERM end this program in order, with what it has done so far, as Ctrl-C does."""
+    signal.signal(signal.SIGTERM, _interrupt)
+
+
+def _interrupt(_number: int, _frame: object) -> NoReturn:
+    raise KeyboardInterrupt
 
 
 def loopback_only() -> dict[str, str]:

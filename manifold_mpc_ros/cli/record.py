@@ -8,15 +8,19 @@ import argparse
 import json
 import os
 import shutil
-import signal
 import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING
 
 from manifold_mpc_ros.cli import arguments as shared
-from manifold_mpc_ros.cli.processes import NodeProcesses, node_environment, reserved_domain
+from manifold_mpc_ros.cli.processes import (
+    NodeProcesses,
+    end_on_sigterm,
+    node_environment,
+    reserved_domain,
+)
 from manifold_mpc_ros.cli.record_plan import RecordPlan
 from manifold_mpc_ros.errors import BagError, ConfigurationError, ManifoldMpcError
 from manifold_mpc_ros.scenarios.scenario import Scenario
@@ -73,7 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
     path = arguments.output or DEFAULT_FOLDER / scenario.name
     require_ros('recording')
     _make_way(path, overwrite=arguments.overwrite)
-    signal.signal(signal.SIGTERM, interrupt)
+    end_on_sigterm()
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'  # the recorder is in this process
     console.print(f'{scenario.name}: {scenario.description}', markup=False)
     try:
@@ -196,8 +200,3 @@ def require_ros(what: str) -> None:
         raise ManifoldMpcError(
             f'{what} needs ROS 2 for Python, and {error.name or error} is not there: '
             "pip install 'manifold_mpc_ros[ros]', or source a ROS 2 installation") from None
-
-
-def interrupt(_number: int, _frame: object) -> NoReturn:
-    """Let SIGTERM end the nodes and close the bag as well, the way Ctrl-C does."""
-    raise KeyboardInterrupt

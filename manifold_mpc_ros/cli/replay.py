@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import signal
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +13,8 @@ import numpy as np
 
 from manifold_mpc_ros.cli import arguments as shared
 from manifold_mpc_ros.cli.bag_topics import add_topics, topics_given
-from manifold_mpc_ros.cli.record import interrupt, require_ros
+from manifold_mpc_ros.cli.processes import end_on_sigterm
+from manifold_mpc_ros.cli.record import require_ros
 from manifold_mpc_ros.cli.replay_plan import ReplayPlan
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
     plan = ReplayPlan.of(recorded, arguments.controller_config, arguments.backend,
                          arguments.rate)
     require_ros('replaying')
-    signal.signal(signal.SIGTERM, interrupt)
+    end_on_sigterm()
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'  # a node is in this process
     console = report.make_console()
     for warning in recorded.warnings:

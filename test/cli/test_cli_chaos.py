@@ -56,7 +56,9 @@ def test_the_short_selection_is_survived(tmp_path: Path) -> None:
     assert 0.0 < totals['detection_s']['median'] < totals['detection_s']['max'] < 20.0
 
 
-def test_ctrl_c_ends_the_nodes_and_keeps_what_was_measured(tmp_path: Path) -> None:
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_ends_the_nodes_and_keeps_what_was_measured(
+        tmp_path: Path, number: signal.Signals) -> None:
     pytest.importorskip('rclpy')
     output = tmp_path / 'chaos.json'
     process = subprocess.Popen(
@@ -70,7 +72,7 @@ def test_ctrl_c_ends_the_nodes_and_keeps_what_was_measured(tmp_path: Path) -> No
              for pid in (task / 'children').read_text().split()] or [
                  int(pid) for pid in children.read_text().split()]
     assert len(nodes) == 2
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130, out + err
     assert err == ''
