@@ -102,7 +102,7 @@ def machine(data: dict[str, Any]) -> str:
     rate = where.get('rate_gflop_s')
     fast = f', {rate:g} Gflop/s measured on core {where["core"]}' if rate else ''
     return (f'{where["processor"]}, {where["cores"]} cores{fast}; load average at the end '
-            f'{where["load_average"][0]:g}; {where["versions"].get("revision", "")}.\n')
+            f'{where["load_average"][0]:g}.\n')
 
 
 def _with_picture(text: str, name: str) -> str:
