@@ -11,14 +11,11 @@ from __future__ import annotations
 
 import json
 import os
-import resource
 import subprocess
 import sys
 import time
 from dataclasses import asdict, dataclass
 from typing import Any
-
-_KIB = 1024
 
 
 @dataclass(frozen=True)
@@ -45,7 +42,7 @@ class Task:
 def main(argument: str) -> None:
     """Do the task and print what it took."""
     task = Task(**json.loads(argument))
-    from manifold_mpc_ros.bench import instances, solver, worker
+    from manifold_mpc_ros.bench import instances, memory, solver, worker
     if task.core is not None:
         worker.take_core(task.core)
     entry = solver.ENTRIES[task.entry]
@@ -69,7 +66,7 @@ def main(argument: str) -> None:
         _count('off')
     report: dict[str, Any] = {
         'build_s': ready - imported, 'solves_s': time.perf_counter() - ready, 'solves': answers,
-        'peak_memory_bytes': resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * _KIB}
+        'peak_memory_bytes': memory.peak_memory_bytes()}
     print(f'\n{json.dumps(report)}')  # noqa: T201  (the answer)
 
 

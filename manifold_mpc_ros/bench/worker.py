@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import resource
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from manifold_mpc_ros.bench.memory import peak_memory_bytes
 from manifold_mpc_ros.bench.solver import Answer, Entry, Solver
 from manifold_mpc_ros.errors import ManifoldMpcError
 
@@ -32,7 +32,6 @@ SLOW_S = 0.03
 PATIENCE_S = 300.0
 #: The lowest priority ahead of every ordinary process.
 _PRIORITY = 1
-_KIB = 1024
 
 
 @dataclass(frozen=True)
@@ -165,7 +164,7 @@ def _answer(solver: Any, verb: str, *arguments: Any) -> Any:
         return _loop(solver, *arguments)
     if verb == 'improve':
         return solver.improve(*arguments)
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * _KIB
+    return peak_memory_bytes()
 
 
 def _cold(solver: Solver, state: Array, repeats: int) -> list[Answer]:

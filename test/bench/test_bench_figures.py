@@ -6,8 +6,12 @@ from __future__ import annotations
 
 import os
 import shutil
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from manifold_mpc_ros.bench import flops, instructions, solver, startup, targets
@@ -113,3 +117,12 @@ def test_start_up_of_a_fresh_process() -> None:
     assert found['cached_build_s'] > 0
     assert found['imports_s'] > 0
     assert found['peak_memory_mb'] > 20
+
+
+def test_memory_is_this_programs_own() -> None:
+    """A child of a large process that holds little says little."""
+    held = np.ones(40_000_000)  # 320 MB
+    program = 'from manifold_mpc_ros.bench.memory import peak_memory_bytes as peak; print(peak())'
+    done = subprocess.run([sys.executable, '-c', program], text=True, capture_output=True,
+                          check=True, cwd=Path(__file__).parents[2])
+    assert 1e6 < int(done.stdout) < held.nbytes / 2

@@ -171,6 +171,12 @@ static int is_converged(const solve *s)
         && fmax(s->stationarity, s->products) < ACCEPTABLE_RESIDUAL);
 }
 
+/* Whether the last pass expected the cost to fall by much. */
+static int is_far(const solve *s)
+{
+    return s->decrease >= FAR_DECREASE * fabs(s->cost) + BARRIER_READY * s->mu;
+}
+
 /* Improve a plan, one stage ahead; return whether that gave a plan to use. */
 long mpc_improve(solve *s, const double *kept, double deadline_s)
 {
@@ -178,7 +184,9 @@ long mpc_improve(solve *s, const double *kept, double deadline_s)
     s->total_passes = 0;
     for (size_t i = 0; i < sizeof starts / sizeof *starts; ++i) {
         mpc_begin_shift(s, starts[i].mu, kept);
-        mpc_iterate(s, starts[i].most, deadline_s);
+        mpc_iterate(s, 1, deadline_s);
+        if (i > 0 || !is_far(s))
+            mpc_iterate(s, starts[i].most, deadline_s);
         s->total_passes += s->passes;
         if (is_converged(s) || s->flag == OUT_OF_TIME)
             return 1;

@@ -204,14 +204,20 @@ class InterpretedSolver(LocalSolver):
     def improve(self, plan: Plan, deadline_s: float = math.inf) -> int:
         """Improve a plan, one stage ahead."""
         passes = 0
-        for mu, most in rules.WARM_STARTS:
+        for i, (mu, most) in enumerate(rules.WARM_STARTS):
             self.begin_shift(mu, plan)
-            self.iterate(most, deadline_s)
+            self.iterate(1, deadline_s)
+            if i > 0 or not self._is_far():
+                self.iterate(most, deadline_s)
             passes += self._passes
             if rules.is_converged(self._flag, self.progress.residual) or (
                     self._flag == rules.OUT_OF_TIME):
                 return passes
         return -passes
+
+    def _is_far(self) -> bool:
+        return self._decrease >= (rules.FAR_DECREASE * abs(self._cost)
+                                  + rules.BARRIER_READY * self._mu)
 
     def set_body(self, inertia: Array, torque: Array) -> None:
         """Set the body that the loop is closed with."""
