@@ -1,8 +1,8 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Fill the tables of docs/performance.md from the files that the commands wrote.
+"""Fill the tables of README.md and docs from the files that the commands wrote.
 
-    python benchmarks/performance_tables.py
+    python benchmarks/tables.py
 
 Each table stands between ``<!-- table: NAME -->`` and ``<!-- end -->``; a table whose file is
 not there yet says which command writes it. Pictures that the commands wrote beside their files
@@ -18,7 +18,8 @@ from pathlib import Path
 from typing import Any
 
 TOP = Path(__file__).resolve().parent.parent
-PAGE, RESULTS = TOP / 'docs' / 'performance.md', TOP / 'docs' / 'results'
+PAGES = (TOP / 'README.md', TOP / 'docs' / 'performance.md', TOP / 'docs' / 'chaos.md')
+RESULTS = TOP / 'docs' / 'results'
 TABLE = re.compile(r'(<!-- table: (\S+) -->\n).*?(<!-- end -->)', re.DOTALL)
 
 
@@ -43,7 +44,53 @@ def _pair(row: dict[str, Any] | None) -> str:
     if row is None:
         return '-'
     failed = f' ({row["failures"]} of {row["solves"]} failed)' if row['failures'] else ''
-    return f'{row["solver_us_median"]:.3g} / {row["solver_us_p99"]:.3g}{failed}'
+    return f'{_three_digits(row["solver_us_median"])} / {_three_digits(row["solver_us_p99"])}{failed}'
+
+
+def _three_digits(value: float) -> str:
+    """Return a number with three significant digits, without an exponent up to a million."""
+    return f'{float(f"{value:.3g}"):,g}'
+
+
+def summary(data: dict[str, Any]) -> str:
+    """Return our times beside those of acados and IPOPT, and which plans are found."""
+    rows = {(row['solver'], row['start'], row['horizon']): row for row in data['rows']}
+    horizons = (10, 20, 40)
+    lines = []
+    for text, name, start in (
+            ('ours, warm, to 1e-8', 'ours, search', 'warm'),
+            ('acados SQP, warm, to 1e-6', 'acados SQP (HPIPM)', 'warm'),
+            ('acados, one real-time iteration, not converged', 'acados RTI, one step', 'warm'),
+            ('IPOPT, warm, its functions as C', 'IPOPT', 'warm'),
+            ('ours without a compiler, warm', 'ours in the VM, search', 'warm'),
+            ('ours, cold, global search', 'ours, search', 'cold'),
+            ('acados SQP, cold', 'acados SQP (HPIPM)', 'cold')):
+        every = [row for key, row in rows.items() if key[:2] == (name, start)]
+        dearer = f'{sum(row["dearer_than_best_known"] for row in every)} of ' \
+                 f'{sum(row["solves"] for row in every):,}' if start == 'cold' else ''
+        lines.append([text, *(_pair(rows.get((name, start, n))) for n in horizons), dearer])
+    return table(['', *(f'N = {n}' for n in horizons), 'dearer than the best known plan'], lines)
+
+
+def survival(*runs: dict[str, Any]) -> str:
+    """Return what was injected and survived in each run of the fault injection."""
+    names = ('every fault in three phases, four seeds', 'one hour at 50 Hz, a fault every 30 s',
+             'each node killed 200 times', 'the same kills in shared memory')
+    files = ('chaos_matrix', 'chaos_soak', 'chaos_drills', 'chaos_drills_shared_memory')
+    lines = []
+    for name, file, run in zip(names, files, runs):
+        totals = run['totals']
+        never = ('non_finite_commands', 'over_limit_commands', 'commands_beyond_one_per_tick',
+                 'unhandled_exceptions')
+        lines.append([
+            f'[{name}](results/{file}.json)', f'{totals["faults_injected"]:,}',
+            f'{totals["faults_survived"]:,}', str(totals['excused_by_the_machine']),
+            str(len(run['voided'])), f'{totals["detection_s"]["median"]:.3f}',
+            f'{totals["recovery_s"]["median"]:.3f}', f'{totals["commands"]:,}',
+            ', '.join(str(totals[key]) for key in never)])
+    return table(['run', 'injected', 'survived', 'late by the machine alone',
+                  'void and repeated', 'detection, median [s]', 'recovery, median [s]',
+                  'commands', 'not finite, over limit, beyond one per tick, exceptions'], lines)
 
 
 def quality(data: dict[str, Any]) -> str:
@@ -142,7 +189,10 @@ def counts(data: dict[str, Any]) -> str:
          f'{row["instructions_per_solve"]:,}'] for row in data['rows']])
 
 
-TABLES: dict[str, tuple[str, Callable[[dict[str, Any]], str]]] = {
+TABLES: dict[str, tuple[str, Callable[..., str]]] = {
+    'summary': ('bench', summary),
+    'survival': ('chaos_matrix chaos_soak chaos_drills chaos_drills_shared_memory', survival),
+    'batch-summary': ('batch', lambda data: loops(data).partition('\n')[0] + '\n'),
     'machine': ('bench', lambda data: _with_picture(machine(data), 'bench')),
     'aims': ('bench', aims), 'behind': ('bench', behind),
     'cold': ('bench', lambda data: times(data, 'cold')),
@@ -155,20 +205,23 @@ TABLES: dict[str, tuple[str, Callable[[dict[str, Any]], str]]] = {
 }
 COMMANDS = {'bench': 'make bench', 'tick': 'manifold-mpc bench --tick',
             'instructions': 'manifold-mpc bench --instructions',
-            'batch': 'manifold-mpc bench --batch'}
+            'batch': 'manifold-mpc bench --batch', 'chaos': 'manifold-mpc chaos'}
 
 
 def filled(page: str) -> str:
     """Return the page with every table from its file."""
     def fill(match: re.Match[str]) -> str:
-        name, make = TABLES[match[2]]
-        path = RESULTS / f'{name}.json'
-        text = f'Not measured yet: `{COMMANDS[name]}` writes {path.name}.\n'
-        if path.exists():
-            text = make(json.loads(path.read_text(encoding='utf-8')))
-        return f'{match[1]}{text}{match[3]}'
+        names, make = TABLES[match[2]]
+        paths = [RESULTS / f'{name}.json' for name in names.split()]
+        missing = [path for path in paths if not path.exists()]
+        if missing:
+            command = COMMANDS[missing[0].stem.partition('_')[0]]
+            return f'{match[1]}Not measured yet: `{command}` writes {missing[0].name}.\n{match[3]}'
+        data = [json.loads(path.read_text(encoding='utf-8')) for path in paths]
+        return f'{match[1]}{make(*data)}{match[3]}'
     return TABLE.sub(fill, page)
 
 
 if __name__ == '__main__':
-    PAGE.write_text(filled(PAGE.read_text(encoding='utf-8')), encoding='utf-8')
+    for page in PAGES:
+        page.write_text(filled(page.read_text(encoding='utf-8')), encoding='utf-8')
