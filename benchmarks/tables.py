@@ -44,7 +44,8 @@ def _pair(row: dict[str, Any] | None) -> str:
     if row is None:
         return '-'
     failed = f' ({row["failures"]} of {row["solves"]} failed)' if row['failures'] else ''
-    return f'{_three_digits(row["solver_us_median"])} / {_three_digits(row["solver_us_p99"])}{failed}'
+    median, p99 = (_three_digits(row[f'solver_us_{which}']) for which in ('median', 'p99'))
+    return f'{median} / {p99}{failed}'
 
 
 def _three_digits(value: float) -> str:
