@@ -164,9 +164,10 @@ def ticks(data: dict[str, Any]) -> str:
         return ' / '.join(f'{row[key][p]:.0f}' for p in ('p50', 'p99', 'p99.9')
                           ) if key in row else '-'
     return table(
-        ['way', 'Hz', 'state to torque [us]', 'tick late [us]', 'tick [us]', 'solve [us]',
-         'ticks', 'missed'],
-        [[row['mode'], f'{row["rate_hz"]:g}', three(row, 'latency_us'),
+        ['way', 'Hz', 'state received to torque published [us]', 'round trip [us]',
+         'tick late [us]', 'tick [us]', 'solve [us]', 'ticks', 'missed'],
+        [[row['mode'], f'{row["rate_hz"]:g}', three(row, 'reported_answer_time_us'),
+          three(row, 'latency_us'),
           three(row, 'reported_tick_lateness_us'), three(row, 'reported_tick_time_us'),
           three(row, 'reported_solve_time_us'), str(row['ticks']), str(row['missed'])]
          for row in data['rows']])

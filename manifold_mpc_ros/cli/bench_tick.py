@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Controller latency over DDS: the real controller in one process, a probe in another.
 
-Two definitions. In lockstep the controller computes on measurement: from the state's publication
-to the torque's arrival, both in the probe, transport both ways included. By its own timer a
+Two definitions. In lockstep the controller computes on measurement: from the state's arrival to
+the torque's publication, both in the controller (the round trip, both in the probe, stands beside
+it: transport both ways and the probe's own executor are in it). By its own timer a
 state waits for the tick, which is no latency; there the controller's own figures count: how late
 a tick begins, and how long after that its torque is out.
 """
@@ -35,8 +36,9 @@ RATES_HZ = (10.0, 50.0, 100.0, 200.0)
 PERCENTILES = (50.0, 99.0, 99.9)
 LOCKSTEP, TIMER = 'lockstep', 'timer'
 STATEMENT = (
-    'Lockstep: from a state published to its torque received, in the process that does both, over '
-    'DDS to the controller and back. Timer: what the controller says of its ticks on '
+    'Lockstep: from a state received to its torque published, both by the controller, its '
+    'executor included; the round trip is from the state published to the torque received by the '
+    'other process. Timer: what the controller says of its ticks on '
     '/diagnostics. Two processes on two cores; N as shipped, no terminal set (at these periods '
     'it is out of reach from the start), closed loop from 50 degrees.')
 #: At this rate the latency's 99th percentile has to be below this, and no tick missed.
@@ -118,10 +120,10 @@ def percentiles(values: Sequence[float]) -> dict[str, float]:
 def targets(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Return what the latency has to be, with what it is."""
     row = next((row for row in rows if row['mode'] == LOCKSTEP and row['rate_hz'] == TARGET_HZ
-                and 'latency_us' in row), None)
+                and 'reported_answer_time_us' in row), None)
     if row is None:
         return []
-    p99 = row['latency_us']['p99']
+    p99 = row['reported_answer_time_us']['p99']
     return [{'aim': f'p99 latency at {TARGET_HZ:g} Hz [us]', 'value': p99,
              'at_most': TARGET_P99_US, 'met': p99 < TARGET_P99_US},
             {'aim': f'missed ticks at {TARGET_HZ:g} Hz', 'value': row['missed'], 'at_most': 0,
@@ -130,16 +132,18 @@ def targets(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 def show(console: Console, data: Mapping[str, Any]) -> None:
     """Print both ways of ticking, and what was aimed at."""
-    ways = ((LOCKSTEP, 'state published to torque received', 'latency_us'),
-            (TIMER, 'tick due to torque out, by the controller', None))
-    for mode, what, key in ways:
+    ways = ((LOCKSTEP, 'state received to torque published',
+             ('latency', 'reported_answer_time_us'), ('round trip', 'latency_us')),
+            (TIMER, 'tick due to torque out',
+             ('late', 'reported_tick_lateness_us'), ('tick', 'reported_tick_time_us')))
+    for mode, what, *columns in ways:
         rows = [row for row in data['rows'] if row['mode'] == mode]
         console.print(report.grid_table(
             f'{mode.capitalize()}: {what}; microseconds, 50 / 99 / 99.9 %',
-            ('Hz', 'latency' if key else 'late', 'tick', 'solve', 'ticks', 'missed'),
-            [(f'{row["rate_hz"]:g}', _three(row, key or 'reported_tick_lateness_us'),
-              _three(row, 'reported_tick_time_us'), _three(row, 'reported_solve_time_us'),
-              str(row['ticks']), str(row['missed'])) for row in rows]))
+            ('Hz', *(title for title, _ in columns), 'solve', 'ticks', 'missed'),
+            [(f'{row["rate_hz"]:g}', *(_three(row, key) for _, key in columns),
+              _three(row, 'reported_solve_time_us'), str(row['ticks']), str(row['missed']))
+             for row in rows]))
     for aim in data['targets']:
         console.print(f'{aim["aim"]}: {aim["value"]:g}, at most {aim["at_most"]:g}: '
                       f'{"met" if aim["met"] else "NOT met"}', markup=False)

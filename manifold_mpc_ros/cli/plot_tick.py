@@ -16,7 +16,8 @@ from manifold_mpc_ros.cli.plot_style import AXIS_COLOURS, save_figure, styled
 
 _SHADES = (1.0, 0.6, 0.3)
 _FIGURES = {
-    LOCKSTEP: (('state to torque, over DDS', 'latency_us'),
+    LOCKSTEP: (('round trip over DDS', 'latency_us'),
+               ('state received to torque published', 'reported_answer_time_us'),
                ('solve', 'reported_solve_time_us')),
     TIMER: (('tick begins late by', 'reported_tick_lateness_us'),
             ('tick to torque out', 'reported_tick_time_us'),

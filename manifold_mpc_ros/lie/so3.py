@@ -18,6 +18,7 @@ test_so3_jacobians.py, with a margin of two to five for other machines.
 
 from __future__ import annotations
 
+import math
 from typing import TypeAlias
 
 import numpy as np
@@ -149,6 +150,8 @@ def rotation_from_quaternion(q_wxyz: ArrayLike) -> Array:
     Raises ConfigurationError when a quaternion is zero or not finite.
     """
     q = np.asarray(q_wxyz, dtype=np.float64)
+    if q.ndim == 1:
+        return _one_rotation(q)
     largest = np.max(np.abs(q), axis=-1, keepdims=True)
     if not np.all((largest > 0.0) & (largest < np.inf)):
         raise ConfigurationError('q_wxyz', q_wxyz, 'a finite quaternion that is not zero')
@@ -159,6 +162,26 @@ def rotation_from_quaternion(q_wxyz: ArrayLike) -> Array:
     squares = np.trace(v, axis1=-2, axis2=-1)
     increment = v + hat(products[..., 0, 1:]) - squares[..., None, None] * _IDENTITY
     return _IDENTITY + scale[..., None, None] * increment
+
+
+def _one_rotation(q_wxyz: Array) -> Array:
+    """Map one quaternion (4,) to R (3, 3), with the bits of the general case.
+
+    A node does this once per state, and array operations on so few numbers would take it longer.
+    """
+    w, x, y, z = q_wxyz.tolist()
+    largest = max(map(abs, (w, x, y, z)))
+    if not 0.0 < largest < math.inf or math.isnan(w + x + y + z):
+        raise ConfigurationError('q_wxyz', q_wxyz, 'a finite quaternion that is not zero')
+    w, x, y, z = w / largest, x / largest, y / largest, z / largest
+    xx, yy, zz = x * x, y * y, z * z
+    scale = 2.0 / (w * w + xx + yy + zz)
+    squares = xx + yy + zz
+    xy, xz, yz, wx, wy, wz = x * y, x * z, y * z, w * x, w * y, w * z
+    return np.array([
+        [1.0 + scale * (xx - squares), 0.0 + scale * (xy - wz), 0.0 + scale * (xz + wy)],
+        [0.0 + scale * (xy + wz), 1.0 + scale * (yy - squares), 0.0 + scale * (yz - wx)],
+        [0.0 + scale * (xz - wy), 0.0 + scale * (yz + wx), 1.0 + scale * (zz - squares)]])
 
 
 def quaternion_from_rotation(R: ArrayLike) -> Array:

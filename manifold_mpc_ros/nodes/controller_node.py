@@ -68,6 +68,8 @@ class AttitudeControllerNode(ManagedNode):
         self._config = config
         self._changes.begin(dict(values))
         self._simulated_time = False
+        self._arrived_ns = time.time_ns()
+        self._answer_time_us = 0.0
         self._realtime = Realtime(config.scheduler_priority, lock_memory=config.lock_memory)
         self._law = self._build_law(config)
         self._loop = ControlLoop(self._law, initial_setpoint=config.initial_setpoint)
@@ -148,6 +150,7 @@ class AttitudeControllerNode(ManagedNode):
             **self._changes.values(),
             scheduling=self._realtime.scheduling, memory=self._realtime.memory)
         if self._config.lockstep:
+            status.values['answer_time_us'] = self._answer_time_us
             return status
         status.values.update(self._timing.values())
         latest_ns = self._loop.state_stamp_ns
@@ -216,6 +219,7 @@ class AttitudeControllerNode(ManagedNode):
         self._loop.admit(admitted, restarted=self._gate.restarted,
                          received_ns=None if self._simulated_time else time.monotonic_ns())
         if self._config.lockstep:
+            self._arrived_ns = info.get('received_timestamp') or time.time_ns()
             self._publish(self._decided(None))
 
     def _on_setpoint(self, message: QuaternionStamped) -> None:
@@ -267,7 +271,9 @@ class AttitudeControllerNode(ManagedNode):
         """Publish a command, and the prediction behind it when somebody looks."""
         self._torque.publish(messages.to_torque(
             command.stamp_ns, command.torque_B_n_m, self._config.body_frame_id))
-        if begun_s is not None:
+        if begun_s is None:
+            self._answer_time_us = (time.time_ns() - self._arrived_ns) / 1e3
+        else:
             self._timing.end(time.monotonic() - begun_s)
         self._command = command
         self._ticks += 1

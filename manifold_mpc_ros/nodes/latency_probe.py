@@ -43,7 +43,7 @@ PATIENCE_S = 120.0
 #: States per tick where the controller ticks by its own timer.
 STATES_PER_TICK = 5
 #: Numbers that the controller reports of itself, by their keys on /diagnostics.
-KEYS = ('solve_time_us', 'tick_lateness_us', 'tick_time_us', 'missed_ticks')
+KEYS = ('solve_time_us', 'answer_time_us', 'tick_lateness_us', 'tick_time_us', 'missed_ticks')
 _TOPIC_FORM = messages.StateFormat('inertial', 'base_link', 0.0, 0.0)
 
 

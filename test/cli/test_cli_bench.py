@@ -53,7 +53,8 @@ def test_latency_over_dds() -> None:
     lockstep, timer = rows
     assert lockstep['ticks'] == 20
     assert lockstep['missed'] < 20
-    assert 50 < lockstep['latency_us']['p50'] <= lockstep['latency_us']['max']
+    answer, round_trip = lockstep['reported_answer_time_us'], lockstep['latency_us']
+    assert 50 < answer['p50'] < round_trip['p50'] <= round_trip['max']
     assert timer['ticks'] >= 5
     for row in rows:
         assert row['reported_solve_time_us']['p50'] > 0
@@ -61,7 +62,7 @@ def test_latency_over_dds() -> None:
 
 def test_the_aims_of_the_latency() -> None:
     row = {'mode': 'lockstep', 'rate_hz': 100.0, 'ticks': 9, 'missed': 1,
-           'latency_us': bench_tick.percentiles([100.0] * 99 + [5000.0])}
+           'reported_answer_time_us': bench_tick.percentiles([100.0] * 99 + [5000.0])}
     late, missed = bench_tick.targets([row])
     assert late['met']
     assert not missed['met']

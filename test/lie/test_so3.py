@@ -137,10 +137,22 @@ def test_quaternion_of_any_length_is_normalised() -> None:
     assert so3.is_rotation(R, 4e-15)
 
 
+def test_one_quaternion_has_the_bits_of_many() -> None:
+    rng = strategies.generator('one')
+    q = np.concatenate([rng.standard_normal((2000, 4)), np.eye(4), -np.eye(4),
+                        1e-200 * np.eye(4), rng.integers(-1, 2, (200, 4)) + 0.25 * np.eye(4)[0]])
+    many = so3.rotation_from_quaternion(q)
+    for one, R in zip(q, many):
+        assert so3.rotation_from_quaternion(one).tobytes() == R.tobytes()
+        assert so3.rotation_from_quaternion(one.tolist()).tobytes() == R.tobytes()
+
+
 @pytest.mark.parametrize('bad', [0.0, np.nan, np.inf])
 def test_quaternion_that_is_zero_or_not_finite_is_refused(bad: float) -> None:
     with pytest.raises(ConfigurationError, match='q_wxyz'):
         so3.rotation_from_quaternion([[1.0, 0.0, 0.0, 0.0], [bad, 0.0, 0.0, 0.0]])
+    with pytest.raises(ConfigurationError, match='q_wxyz'):
+        so3.rotation_from_quaternion([0.0, 0.0, bad, 0.0])
 
 
 @pytest.mark.parametrize('stratum', STRATA)
