@@ -165,11 +165,13 @@ def ticks(data: dict[str, Any]) -> str:
                           ) if key in row else '-'
     return table(
         ['way', 'Hz', 'state received to torque published [us]', 'round trip [us]',
-         'tick late [us]', 'tick [us]', 'solve [us]', 'ticks', 'missed'],
+         'tick late [us]', 'tick [us]', 'solve [us]', 'ticks', 'late at the probe',
+         'missed by the controller'],
         [[row['mode'], f'{row["rate_hz"]:g}', three(row, 'reported_answer_time_us'),
           three(row, 'latency_us'),
           three(row, 'reported_tick_lateness_us'), three(row, 'reported_tick_time_us'),
-          three(row, 'reported_solve_time_us'), str(row['ticks']), str(row['missed'])]
+          three(row, 'reported_solve_time_us'), str(row['ticks']), str(row['missed']),
+          f'{row["reported_missed_ticks"]:g}' if 'reported_missed_ticks' in row else '-']
          for row in data['rows']])
 
 
