@@ -36,7 +36,7 @@ from manifold_mpc_ros.nodes.law_changes import LawChanges
 from manifold_mpc_ros.nodes.managed_node import INPUT_QOS, STATE_QOS, ManagedNode, Status
 from manifold_mpc_ros.nodes.realtime import Realtime
 from manifold_mpc_ros.nodes.tick import Command, ControlLoop, Law
-from manifold_mpc_ros.nodes.timing import TickTiming
+from manifold_mpc_ros.nodes.timing import AnswerTiming, TickTiming, arrival_s
 from manifold_mpc_ros.nodes.usage import Program
 from manifold_mpc_ros.nodes.writers import WriterWatch
 from manifold_mpc_ros.theory.design import TerminalDesign
@@ -68,8 +68,6 @@ class AttitudeControllerNode(ManagedNode):
         self._config = config
         self._changes.begin(dict(values))
         self._simulated_time = False
-        self._arrived_ns = time.time_ns()
-        self._answer_time_us = 0.0
         self._realtime = Realtime(config.scheduler_priority, lock_memory=config.lock_memory)
         self._law = self._build_law(config)
         self._loop = ControlLoop(self._law, initial_setpoint=config.initial_setpoint)
@@ -109,7 +107,8 @@ class AttitudeControllerNode(ManagedNode):
         self._realtime.enter()
         if self._realtime.refusal:
             self.get_logger().warning(self._realtime.refusal)
-        self._timing = TickTiming(self._config.mpc.step_s)
+        timing = AnswerTiming if self._config.lockstep else TickTiming
+        self._timing = timing(self._config.mpc.step_s)
         self._simulated_time = bool(self.get_parameter('use_sim_time').value)
         self._timer = None
         if not self._config.lockstep:
@@ -149,12 +148,9 @@ class AttitudeControllerNode(ManagedNode):
             ticks=self._ticks, setpoints=self._setpoints, backend=self._law.backend,
             **self._changes.values(),
             scheduling=self._realtime.scheduling, memory=self._realtime.memory)
-        if self._config.lockstep:
-            status.values['answer_time_us'] = self._answer_time_us
-            return status
         status.values.update(self._timing.values())
         latest_ns = self._loop.state_stamp_ns
-        if latest_ns is not None:
+        if latest_ns is not None and not self._config.lockstep:
             status.values['state_age_s'] = max(0, self._now_ns() - latest_ns) / NANOSECONDS
         return status
 
@@ -219,8 +215,8 @@ class AttitudeControllerNode(ManagedNode):
         self._loop.admit(admitted, restarted=self._gate.restarted,
                          received_ns=None if self._simulated_time else time.monotonic_ns())
         if self._config.lockstep:
-            self._arrived_ns = info.get('received_timestamp') or time.time_ns()
-            self._publish(self._decided(None))
+            begun_s = arrival_s(info)
+            self._publish(self._decided(None), begun_s)
 
     def _on_setpoint(self, message: QuaternionStamped) -> None:
         """Aim at a commanded attitude or count its refusal."""
@@ -267,14 +263,11 @@ class AttitudeControllerNode(ManagedNode):
             self.barrier.note('tick', error)
             return self._loop.failed(now_ns or 0, str(error))
 
-    def _publish(self, command: Command, begun_s: float | None = None) -> None:
+    def _publish(self, command: Command, begun_s: float) -> None:
         """Publish a command, and the prediction behind it when somebody looks."""
         self._torque.publish(messages.to_torque(
             command.stamp_ns, command.torque_B_n_m, self._config.body_frame_id))
-        if begun_s is None:
-            self._answer_time_us = (time.time_ns() - self._arrived_ns) / 1e3
-        else:
-            self._timing.end(time.monotonic() - begun_s)
+        self._timing.end(time.monotonic() - begun_s)
         self._command = command
         self._ticks += 1
         promise = command.promise

@@ -1,8 +1,11 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""When ticks come and how long they take. Pure logic: times in, figures out."""
+"""When ticks come and how long they take: times in, figures out."""
 
 from __future__ import annotations
+
+import time
+from collections.abc import Mapping
 
 #: A clock that moves on by more than this between two ticks has leapt: nothing was due [s].
 LEAP_S = 60.0
@@ -52,3 +55,22 @@ class TickTiming:
             'tick_time_max_us': self.longest_duration_s * 1e6,
             'missed_ticks': self.missed,
         }
+
+
+class AnswerTiming(TickTiming):
+    """Of ticks that answer a state at once: how long after its arrival the torque is out."""
+
+    def values(self) -> dict[str, object]:
+        """Return the figures by their keys on /diagnostics."""
+        return {'answer_time_us': self.duration_s * 1e6,
+                'answer_time_max_us': self.longest_duration_s * 1e6}
+
+
+def arrival_s(info: Mapping[str, int]) -> float:
+    """Return when a message had arrived at the middleware, now where that does not say [s].
+
+    By the monotonic clock; the middleware's account is by the system's.
+    """
+    now_ns = time.time_ns()
+    waited_ns = max(0, now_ns - (info.get('received_timestamp') or now_ns))
+    return time.monotonic() - waited_ns / 1e9

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+import time
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ from manifold_mpc_ros.nodes.gate import (
     admit_setpoint,
     admit_torque,
 )
-from manifold_mpc_ros.nodes.timing import TickTiming
+from manifold_mpc_ros.nodes.timing import AnswerTiming, TickTiming, arrival_s
 from manifold_mpc_ros.nodes.writers import WriterWatch
 
 SECOND = 10**9
@@ -178,3 +179,15 @@ def test_time_that_goes_back_or_leaps_misses_nothing() -> None:
     assert values == {
         'tick_lateness_us': 0.0, 'tick_lateness_max_us': 0.0, 'tick_time_us': 125000.0,
         'tick_time_max_us': 250000.0, 'missed_ticks': 0}
+
+
+def test_an_answer_is_timed_from_the_arrival_that_the_middleware_says() -> None:
+    for waited_s in (0.0, 0.25):
+        info = {'received_timestamp': time.time_ns() - round(waited_s * 1e9)}
+        assert time.monotonic() - arrival_s(info) == pytest.approx(waited_s, abs=0.05)
+    for silent in ({}, {'received_timestamp': 0}):
+        assert time.monotonic() - arrival_s(silent) == pytest.approx(0.0, abs=0.05)
+    timing = AnswerTiming(0.5)
+    timing.end(0.25)
+    timing.end(0.125)
+    assert timing.values() == {'answer_time_us': 125000.0, 'answer_time_max_us': 250000.0}
