@@ -55,4 +55,4 @@ def _draw(axes: Axes, rows: Sequence[Mapping[str, Any]],
     axes.set_xticks(range(len(rows)), [f'{row["rate_hz"]:g}' for row in rows])
     axes.set_xlim(-0.6, len(rows) - 0.4)
     if axes.get_legend_handles_labels()[1]:
-        axes.legend(loc='lower center', bbox_to_anchor=(0.5, -0.32), ncols=len(figures))
+        axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.14))
