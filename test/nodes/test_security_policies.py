@@ -75,6 +75,16 @@ def everything_is_there(rig: Rig) -> bool:
         and '/attitude_setpoint' in opened(rig, NODES[0]).get('subscribe', ()))
 
 
+def opened_at_last(rig: Rig) -> dict[str, Rules]:
+    """Return what both nodes have opened, once nothing has been added for a second."""
+    before: dict[str, Rules] = {}
+    while before != (now := {node: opened(rig, node) for node in NODES}):
+        before = now
+        for _ in range(5):
+            rig.settle()
+    return now
+
+
 def test_the_nodes_open_exactly_what_their_policies_allow(tmp_path: Path) -> None:
     from harness import open_rig
 
@@ -84,9 +94,8 @@ def test_the_nodes_open_exactly_what_their_policies_allow(tmp_path: Path) -> Non
             rig.start('controller', parameters=controller)
             rig.start('simulator', parameters=simulator)
             rig.until(lambda r=rig: everything_is_there(r), 'both nodes in the graph')
-            rig.settle()
-            for node in NODES:
-                for what, names in opened(rig, node).items():
+            for node, found in opened_at_last(rig).items():
+                for what, names in found.items():
                     seen[node].setdefault(what, set()).update(names)
     for node in NODES:
         assert seen[node] == rules(node)
