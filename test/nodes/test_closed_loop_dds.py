@@ -109,6 +109,7 @@ def test_a_setpoint_is_reached_and_a_reset_returns_to_the_initial_one(rig: Rig) 
     rig.until(lambda: values_of(diagnostics, 'attitude_controller').get('setpoint') == 'commanded',
               'the setpoint', meanwhile=lambda: publisher.publish(setpoint))
     rig.until(lambda: is_settled(states, target), 'rest at the setpoint')
+    rig.until(lambda: bool(paths), 'a prediction, which has a reader once this one is known')
     assert len(paths[-1].poses) == 21
     assert paths[-1].header.frame_id == 'inertial'
     assert rig.call(Trigger, '/attitude_controller/reset', Trigger.Request()).success
