@@ -153,7 +153,7 @@ def test_ctrl_c_ends_the_nodes_and_leaves_a_readable_bag(tmp_path: Path) -> None
     nodes = [child(process, module) for module in ('controller', 'simulator')]
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
-    assert process.returncode == 130
+    assert process.returncode == 130, out + err
     assert err == 'manifold-mpc: interrupted\n'
     assert f'What was recorded until then is in {bag}' in out
     assert not any(Path(f'/proc/{pid}').exists() for pid in nodes)
