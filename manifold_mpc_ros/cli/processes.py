@@ -100,6 +100,37 @@ def _interrupt(_number: int, _frame: object) -> NoReturn:
     raise KeyboardInterrupt
 
 
+class Interrupts:
+    """Ctrl-C and SIGTERM as a wish that is looked at, not an exception; a context manager.
+
+    What is being written then stays whole: raised between a message and its checksum, an
+    exception would leave the one without the other.
+    """
+
+    def __init__(self) -> None:
+        """Nothing has been wished."""
+        self._wished = False
+
+    def __enter__(self) -> Interrupts:
+        """Take over both signals."""
+        self._before = {number: signal.signal(number, self._note)
+                        for number in (signal.SIGINT, signal.SIGTERM)}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Give them back."""
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _note(self, _number: int, _frame: object) -> None:
+        self._wished = True
+
+    def look(self) -> None:
+        """Raise KeyboardInterrupt, here, when an end has been wished."""
+        if self._wished:
+            raise KeyboardInterrupt
+
+
 def loopback_only() -> dict[str, str]:
     """Return variables with which Fast DDS uses UDP over the loopback interface, nothing else.
 

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 
 from manifold_mpc_ros.cli import arguments as shared
 from manifold_mpc_ros.cli.processes import (
+    Interrupts,
     NodeProcesses,
-    end_on_sigterm,
     node_environment,
     reserved_domain,
 )
@@ -77,7 +77,6 @@ def run(arguments: argparse.Namespace) -> int:
     path = arguments.output or DEFAULT_FOLDER / scenario.name
     require_ros('recording')
     _make_way(path, overwrite=arguments.overwrite)
-    end_on_sigterm()
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'  # the recorder is in this process
     console.print(f'{scenario.name}: {scenario.description}', markup=False)
     try:
@@ -132,6 +131,7 @@ def _record(
     from manifold_mpc_ros.nodes.bag_recorder import BagRecorder
     plan = RecordPlan(scenario)
     with ExitStack() as stack:
+        interrupts = stack.enter_context(Interrupts())
         logs = stack.enter_context(_logs())
         domain = stack.enter_context(reserved_domain())
         writer = stack.enter_context(BagWriter(
@@ -140,7 +140,7 @@ def _record(
         recorder = stack.enter_context(BagRecorder(domain, writer, plan.stamped, plan.others))
         processes = stack.enter_context(NodeProcesses())
         inputs = _inputs(plan, recorder)
-        recording = Recording(plan, writer, recorder, inputs, processes)
+        recording = Recording(plan, writer, recorder, inputs, processes, interrupts)
         with RecordDisplay(console, scenario.duration_s) as display:
             recording.start(node_environment(domain), logs, arguments.start_limit)
             recording.run(display.show)

@@ -20,7 +20,7 @@ from manifold_mpc_ros.bags.contents import (
 )
 from manifold_mpc_ros.bags.writer import BagWriter
 from manifold_mpc_ros.cli import provenance
-from manifold_mpc_ros.cli.processes import NodeProcess, NodeProcesses
+from manifold_mpc_ros.cli.processes import Interrupts, NodeProcess, NodeProcesses
 from manifold_mpc_ros.cli.record_plan import PREDICTION, RecordPlan
 from manifold_mpc_ros.config_tables import CONTROLLER_NAME, SIMULATOR_NAME
 from manifold_mpc_ros.errors import ManifoldMpcError
@@ -47,9 +47,10 @@ class Recording:
 
     def __init__(
         self, plan: RecordPlan, writer: BagWriter, recorder: BagRecorder, inputs: RunInputs,
-        processes: NodeProcesses,
+        processes: NodeProcesses, interrupts: Interrupts,
     ) -> None:
         """Keep the parts."""
+        self._interrupts = interrupts
         self._plan, self._scenario = plan, plan.scenario
         self._writer, self._recorder, self._inputs = writer, recorder, inputs
         self._processes = processes
@@ -175,7 +176,8 @@ class Recording:
                 f'the nodes did not get ready in time; they said: {self._last_words()}')
 
     def _watch_processes(self) -> None:
-        """Raise when a node has ended by itself."""
+        """Raise when an end is wished, or a node has ended by itself."""
+        self._interrupts.look()
         node = self._processes.ended()
         if node is not None:
             raise ManifoldMpcError(_ended(node))

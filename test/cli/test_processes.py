@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import time
 from pathlib import Path
@@ -45,3 +46,19 @@ def test_another_middleware_or_a_profile_of_the_users_is_left_alone(
     assert Path(processes.loopback_only()[PROFILE]).name == 'one_computer.xml'
     monkeypatch.setenv(PROFILE, 'mine.xml')
     assert processes.loopback_only() == {}
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_comes_where_it_is_looked_for_and_nowhere_else(
+        number: signal.Signals) -> None:
+    before = signal.getsignal(number)
+    done = []
+    with processes.Interrupts() as interrupts:
+        interrupts.look()
+        os.kill(os.getpid(), number)
+        done.append('a message')
+        done.append('its checksum')
+        with pytest.raises(KeyboardInterrupt):
+            interrupts.look()
+    assert done == ['a message', 'its checksum']
+    assert signal.getsignal(number) is before
