@@ -20,6 +20,7 @@ from typing import Any
 TOP = Path(__file__).resolve().parent.parent
 PAGES = (TOP / 'README.md', TOP / 'docs' / 'performance.md', TOP / 'docs' / 'chaos.md')
 RESULTS = TOP / 'docs' / 'results'
+CHAOS = 'chaos_matrix chaos_soak chaos_drills chaos_drills_shared_memory'
 TABLE = re.compile(r'(<!-- table: (\S+) -->\n).*?(<!-- end -->)', re.DOTALL)
 
 
@@ -77,9 +78,8 @@ def survival(*runs: dict[str, Any]) -> str:
     """Return what was injected and survived in each run of the fault injection."""
     names = ('every fault in three phases, four seeds', 'one hour at 50 Hz, a fault every 30 s',
              'each node killed 200 times', 'the same kills in shared memory')
-    files = ('chaos_matrix', 'chaos_soak', 'chaos_drills', 'chaos_drills_shared_memory')
     lines = []
-    for name, file, run in zip(names, files, runs):
+    for name, file, run in zip(names, CHAOS.split(), runs):
         totals = run['totals']
         never = ('non_finite_commands', 'over_limit_commands', 'commands_beyond_one_per_tick',
                  'unhandled_exceptions')
@@ -92,6 +92,18 @@ def survival(*runs: dict[str, Any]) -> str:
     return table(['run', 'injected', 'survived', 'late by the machine alone',
                   'void and repeated', 'detection, median [s]', 'recovery, median [s]',
                   'commands', 'not finite, over limit, beyond one per tick, exceptions'], lines)
+
+
+def survived(*runs: dict[str, Any]) -> str:
+    """Return what all runs add up to; the last one, the drills in shared memory, by itself."""
+    *main, shared = (run['totals'] for run in runs)
+    injected = sum(totals['faults_injected'] for totals in main)
+    missed = injected - sum(totals['faults_survived'] for totals in main)
+    late = shared['faults_injected'] - shared['faults_survived']
+    return (f'{injected:,} injected in matrix, soak and drills, {missed} not survived. In drills with the '
+            f'nodes in shared memory instead of UDP, {late} of {shared["faults_injected"]} kills '
+            f'held the controller up, for {shared["longest_gap_s"]:.2f} s at most '
+            '([why](docs/safety.md#started-by-a-supervisor)).\n')
 
 
 def quality(data: dict[str, Any]) -> str:
@@ -161,6 +173,7 @@ def _with_picture(text: str, name: str) -> str:
 def ticks(data: dict[str, Any]) -> str:
     """Return latencies over DDS, 50 / 99 / 99.9 %."""
     def three(row: dict[str, Any], key: str) -> str:
+        """Return the percentiles of a figure, a dash where there is none."""
         return ' / '.join(f'{row[key][p]:.0f}' for p in ('p50', 'p99', 'p99.9')
                           ) if key in row else '-'
     return table(
@@ -195,7 +208,8 @@ def counts(data: dict[str, Any]) -> str:
 
 TABLES: dict[str, tuple[str, Callable[..., str]]] = {
     'summary': ('bench', summary),
-    'survival': ('chaos_matrix chaos_soak chaos_drills chaos_drills_shared_memory', survival),
+    'survival': (CHAOS, survival),
+    'survived': (CHAOS, survived),
     'batch-summary': ('batch', lambda data: loops(data).partition('\n')[0] + '\n'),
     'machine': ('bench', lambda data: _with_picture(machine(data), 'bench')),
     'aims': ('bench', aims), 'behind': ('bench', behind),
@@ -215,6 +229,7 @@ COMMANDS = {'bench': 'make bench', 'tick': 'manifold-mpc bench --tick',
 def filled(page: str) -> str:
     """Return the page with every table from its file."""
     def fill(match: re.Match[str]) -> str:
+        """Return a table with its marks."""
         names, make = TABLES[match[2]]
         paths = [RESULTS / f'{name}.json' for name in names.split()]
         missing = [path for path in paths if not path.exists()]
