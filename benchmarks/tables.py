@@ -101,7 +101,8 @@ def survived(*runs: dict[str, Any]) -> str:
     missed = injected - sum(totals['faults_survived'] for totals in main)
     late = shared['faults_injected'] - shared['faults_survived']
     return (f'{injected:,} injected in matrix, soak and drills, {missed} not survived. In '
-            f'drills with the nodes in shared memory instead of UDP, {late} of {shared["faults_injected"]} kills '
+            f'drills with the nodes in shared memory instead of UDP, {late} of '
+            f'{shared["faults_injected"]} kills '
             f'held the controller up, for {shared["longest_gap_s"]:.2f} s at most '
             '([why](docs/safety.md#started-by-a-supervisor)).\n')
 
