@@ -55,9 +55,8 @@ pytest: $(STAMP)  ## Run the tests alone
 	@$(BIN)/python -m pytest --timeout=300 -n $(TEST_WORKERS) --dist loadfile $(PYTEST_ARGS)
 
 # What decides in the nodes, and the tests of it that need no ROS.
-DECIDES := manifold_mpc_ros/safety/*,manifold_mpc_ros/nodes/gate.py,manifold_mpc_ros/nodes/tick.py
-DECIDES_TESTS := test/safety test/nodes/test_gate.py test/nodes/test_gate_properties.py \
-    test/nodes/test_tick.py test/nodes/test_tick_faults.py test/nodes/test_tick_promise.py
+DECIDES := manifold_mpc_ros/control/*
+DECIDES_TESTS := test/control
 coverage: $(STAMP)  ## Branch coverage of the mode logic and the gates; fails below 95 %
 	@mkdir -p build
 	@PROPERTY_EXAMPLES=20 COVERAGE_FILE=build/coverage $(BIN)/python -m coverage run --branch \
@@ -74,7 +73,7 @@ bench: $(STAMP) $(PEERS)  ## Compare the solver with others, side by side on one
 	@$(BIN)/manifold-mpc bench $(BENCH_ARGS)
 
 golden: $(STAMP)  ## Record the golden bags of the tests again
-	@$(BIN)/python test/bags/record_golden.py
+	@$(BIN)/python test/recording/record_golden.py
 
 clean:  ## Remove .venv and everything that was built
 	rm -rf $(VENV) build dist install log manifold_mpc_ros.egg-info
@@ -95,7 +94,7 @@ $(PEERS): $(DEPENDENCIES)
 # Seconds: the executables in .venv run the files of this checkout again.
 $(STAMP): $(DEPENDENCIES) setup.cfg pyproject.toml package.xml \
         $(wildcard resource/* config/*.* config/*/* launch/*.py) \
-        $(shell find manifold_mpc_ros -name '*.py' -o -name py.typed -o -path '*/page/*' \
-            -o -path '*/kernel/*.[ch]')
+        $(shell find manifold_mpc_ros -name '*.py' -o -name py.typed -o -path '*/static/*' \
+            -o -path '*/backends/*.[ch]')
 	@PYTHON='$(PYTHON)' .ci/setup $(VENV) package
 	@touch $@

@@ -12,9 +12,9 @@ from distutils.command.install_data import install_data
 
 NAME = 'manifold_mpc_ros'
 EXECUTABLES = {
-    'controller': f'{NAME}.nodes.controller:main',
-    'simulator': f'{NAME}.nodes.simulator:main',
-    'markers': f'{NAME}.nodes.markers:main',
+    'controller': f'{NAME}.nodes.controller.main:main',
+    'simulator': f'{NAME}.nodes.simulator.main:main',
+    'markers': f'{NAME}.nodes.markers.main:main',
     'manifold-mpc': f'{NAME}.cli.main:main',
 }
 RUNTIME = [
@@ -94,7 +94,7 @@ setup(
     maintainer='The manifold_mpc_ros authors',
     maintainer_email='maintainers@manifold-mpc-ros.example',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed', 'cli/page/*', 'mpc/kernel/*.c', 'mpc/kernel/*.h']},
+    package_data={NAME: ['py.typed', 'lab/report/static/*', 'mpc/backends/*.[ch]']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),

@@ -29,7 +29,7 @@ from oracle_starts import starts  # noqa: E402
 from strategies import generator  # noqa: E402
 
 from manifold_mpc_ros import AttitudeMpc, SolveStatus  # noqa: E402
-from manifold_mpc_ros.bench.oracle import Oracle, steps_of  # noqa: E402
+from manifold_mpc_ros.lab.benchmark.peers.oracle import Oracle, steps_of  # noqa: E402
 
 TOLERANCE = 1e-6
 LARGEST_RATE_RAD_S = 0.4

@@ -26,17 +26,17 @@ import pytest
 
 TOP = Path(__file__).parents[1]
 SUITES = {
-    'manifold_mpc_ros/safety/modes.py': [
-        'test/safety/test_modes.py', 'test/safety/test_held_plan.py'],
-    'manifold_mpc_ros/safety/output.py': ['test/safety/test_output.py'],
-    'manifold_mpc_ros/nodes/gate.py': ['test/nodes/test_gate.py'],
+    'manifold_mpc_ros/control/modes.py': [
+        'test/control/test_modes.py', 'test/control/test_held_plan.py'],
+    'manifold_mpc_ros/control/output_gate.py': ['test/control/test_output.py'],
+    'manifold_mpc_ros/control/input_gate.py': ['test/control/test_gate.py'],
 }
 UNIT_TESTS = ('not Histories and not whatever and not direction_is_kept and not no_step_is '
               'and not nearest_to')
 #: A mutant whose tests take longer than this has made them hang [s].
 PATIENCE_S = 60
 LOADED = ('numpy', 'hypothesis', 'hypothesis.stateful', 'manifold_mpc_ros.lie.so3',
-          'manifold_mpc_ros.config')
+          'manifold_mpc_ros.config.control_law')
 
 COMPARISONS = {
     ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq,

@@ -18,10 +18,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from manifold_mpc_ros.bags.run import read_run
-from manifold_mpc_ros.bags.verdict import judge
 from manifold_mpc_ros.cli.main import EXIT_INTERRUPTED, main
-from manifold_mpc_ros.cli.record import shipped_scenarios
+from manifold_mpc_ros.lab.recording.bags.run import read_run
+from manifold_mpc_ros.lab.recording.bags.verdict import judge
+from manifold_mpc_ros.lab.recording.verb_record import shipped_scenarios
 
 RESULTS = Path(__file__).parents[1] / 'docs' / 'results' / 'scenarios.json'
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-from manifold_mpc_ros.campaigns.plan import CampaignPlan
+from manifold_mpc_ros.lab.campaign.plan import CampaignPlan
 
 FREE = [float('inf')] * 3
 #: Without limits the terminal set is nearly everything, and eight steps reach it.

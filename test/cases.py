@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from strategies import INERTIAS, generator, half_turns, unit_vectors
 
-from manifold_mpc_ros.config import AttitudeMpcConfig
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 

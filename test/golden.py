@@ -6,10 +6,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from manifold_mpc_ros.bags.run import read_run
 from manifold_mpc_ros.errors import BagError
+from manifold_mpc_ros.lab.recording.bags.run import read_run
 
-GOLDEN = Path(__file__).parent / 'bags' / 'golden'
+GOLDEN = Path(__file__).parent / 'recording' / 'golden'
 NAMES = sorted(path.stem for path in GOLDEN.glob('*.mcap'))
 #: The controller of this bag is broken on purpose, and these limits have to say so.
 BROKEN = {'mistuned': ['settle_time_s', 'final_error_deg']}

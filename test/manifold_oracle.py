@@ -11,11 +11,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from manifold_mpc_ros.config import AttitudeMpcConfig
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics.lgvi import cayley_step
+from manifold_mpc_ros.lab.reference.manifold_mpc import ManifoldMpc, ManifoldSolution, Terminal
 from manifold_mpc_ros.lie import so3
-from manifold_mpc_ros.problems.registry import problem_of
-from manifold_mpc_ros.theory.manifold_mpc import ManifoldMpc, ManifoldSolution, Terminal
+from manifold_mpc_ros.terminal.problem_of import problem_of
 
 Array = NDArray[np.float64]
 

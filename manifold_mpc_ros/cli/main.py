@@ -16,11 +16,15 @@ from typing import NoReturn
 from manifold_mpc_ros.errors import ManifoldMpcError
 
 PROGRAM = 'manifold-mpc'
-# One module of this folder for each verb, with SUMMARY, EXAMPLES, add_arguments and run.
-VERBS = ('demo', 'simulate', 'design', 'certify', 'verify', 'domain', 'discontinuity', 'campaign',
-         'record', 'replay', 'check', 'report', 'chaos', 'bench', 'figures')
-# Where the module is not called like the verb.
-_MODULES = {'report': 'bag_report'}
+# One module of `lab` for each verb, with SUMMARY, EXAMPLES, add_arguments and run.
+VERBS = {
+    'demo': 'demo.verb', 'simulate': 'demo.verb_simulate', 'design': 'domain.verb_design',
+    'certify': 'certification.verb_certify', 'verify': 'certification.verb_verify',
+    'domain': 'domain.verb', 'discontinuity': 'discontinuity.verb', 'campaign': 'campaign.verb',
+    'record': 'recording.verb_record', 'replay': 'recording.verb_replay',
+    'check': 'recording.verb_check', 'report': 'report.verb', 'chaos': 'fault_injection.verb',
+    'bench': 'benchmark.verb', 'figures': 'discontinuity.verb_figures',
+}
 
 EXIT_SUCCESS = 0
 EXIT_NOT_ACHIEVED = 1
@@ -57,7 +61,7 @@ class _ShowVersion(argparse.Action):
 
 def module_of(verb: str) -> ModuleType:
     """Return the module of a verb."""
-    return importlib.import_module(f'manifold_mpc_ros.cli.{_MODULES.get(verb, verb)}')
+    return importlib.import_module(f'manifold_mpc_ros.lab.{VERBS[verb]}')
 
 
 def build_parser() -> argparse.ArgumentParser:

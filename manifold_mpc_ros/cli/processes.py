@@ -152,10 +152,10 @@ class NodeProcess:
         self, module: str, ros_arguments: Sequence[str], environment: dict[str, str],
         log_path: Path, program: Sequence[str] | None = None,
     ) -> None:
-        """Start ``python -m manifold_mpc_ros.nodes.<module>``, or another program instead."""
+        """Start ``python -m manifold_mpc_ros.nodes.<module>.main``, or another program instead."""
         self.name = module
         self.log_path = log_path
-        command = [*(program or (sys.executable, '-m', f'manifold_mpc_ros.nodes.{module}')),
+        command = [*(program or (sys.executable, '-m', f'manifold_mpc_ros.nodes.{module}.main')),
                    '--ros-args', *ros_arguments]
         with log_path.open('wb') as log:
             self._process = subprocess.Popen(

@@ -11,19 +11,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from manifold_mpc_ros.config import AttitudeMpcConfig
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.mpc import search
-from manifold_mpc_ros.mpc.kernel.build import load_solver
-from manifold_mpc_ros.mpc.kernel.rules import is_converged
-from manifold_mpc_ros.mpc.kernel.solver import LocalSolver, Measure, Plan
-from manifold_mpc_ros.mpc.kernel.structure import Structure
+from manifold_mpc_ros.mpc.backends.build import load_solver
+from manifold_mpc_ros.mpc.backends.local_solver import LocalSolver, Measure, Plan
+from manifold_mpc_ros.mpc.program.options import is_converged
+from manifold_mpc_ros.mpc.program.structure import Structure
 from manifold_mpc_ros.mpc.scaling import Array, flat_parameters, scaling_of
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 from manifold_mpc_ros.mpc.stored_design import stored_design
 from manifold_mpc_ros.mpc.target import error_angle
-from manifold_mpc_ros.theory.design import TerminalDesign
-from manifold_mpc_ros.theory.manifold import tangent_basis
+from manifold_mpc_ros.terminal.design import TerminalDesign
+from manifold_mpc_ros.terminal.manifold import tangent_basis
 
 # The shifted plan itself: so near its limits that its cost is what it would be on them.
 SHIFTED_BARRIER = 1e-12

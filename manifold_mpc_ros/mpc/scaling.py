@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from manifold_mpc_ros.config import AttitudeMpcConfig
-from manifold_mpc_ros.theory.manifold import tangent_basis
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.terminal.manifold import tangent_basis
 
 Array = NDArray[np.float64]
 

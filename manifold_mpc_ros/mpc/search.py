@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from manifold_mpc_ros.mpc.kernel.solver import LocalSolver, Measure, Plan, Progress
-from manifold_mpc_ros.mpc.kernel.structure import Structure
+from manifold_mpc_ros.mpc.backends.local_solver import LocalSolver, Measure, Plan, Progress
+from manifold_mpc_ros.mpc.program.structure import Structure
 from manifold_mpc_ros.mpc.scaling import Array
 
 # Barrier parameter of a cold start (dimensionless, against a cost of order 10).

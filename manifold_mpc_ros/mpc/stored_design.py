@@ -19,17 +19,17 @@ import casadi as ca
 import numpy as np
 import scipy
 
-from manifold_mpc_ros.config import AttitudeMpcConfig
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.errors import SolverBuildError
 from manifold_mpc_ros.mpc import cache
-from manifold_mpc_ros.problems.registry import terminal_design
-from manifold_mpc_ros.theory.design import TerminalDesign
-from manifold_mpc_ros.theory.existence import Existence
-from manifold_mpc_ros.theory.level import LevelReport
+from manifold_mpc_ros.terminal.design import TerminalDesign
+from manifold_mpc_ros.terminal.existence import Existence
+from manifold_mpc_ros.terminal.level import LevelReport
+from manifold_mpc_ros.terminal.problem_of import terminal_design
 
 # Taken when the modules are imported: sources that change later are not what runs here.
-_SOURCES = cache.hash_of_sources('*.py', *(f'{layer}/*.py' for layer in (
-    'lie', 'dynamics', 'theory', 'problems')))
+_SOURCES = cache.hash_of_sources(*(f'{layer}/*.py' for layer in (
+    'config', 'lie', 'dynamics', 'terminal')))
 
 
 def stored_design(config: AttitudeMpcConfig, cache_dir: str | Path | None) -> TerminalDesign:

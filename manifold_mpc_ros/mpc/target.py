@@ -7,10 +7,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from manifold_mpc_ros.config import AttitudeMpcConfig
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.scaling import Array
-from manifold_mpc_ros.theory.manifold import tangent_basis
+from manifold_mpc_ros.terminal.manifold import tangent_basis
 
 
 def error_angle(config: AttitudeMpcConfig, R_DB: ArrayLike) -> Array:

@@ -27,10 +27,10 @@ from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 from std_srvs.srv import SetBool, Trigger
 
-from manifold_mpc_ros.config_parameters import Value
+from manifold_mpc_ros.config.parameter import Value
+from manifold_mpc_ros.control.input_gate import RefusalLog
 from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.nodes.barrier import Barrier
-from manifold_mpc_ros.nodes.gate import RefusalLog
 from manifold_mpc_ros.nodes.messages import to_diagnostics
 from manifold_mpc_ros.nodes.parameter_requests import make_requests_safe
 from manifold_mpc_ros.nodes.parameters import NodeParameters

@@ -14,9 +14,9 @@ from geometry_msgs.msg import Point, PoseStamped, Quaternion, Vector3, WrenchSta
 from nav_msgs.msg import Odometry, Path
 from sensor_msgs.msg import Imu
 
-from manifold_mpc_ros.config_checks import FloatArray
+from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.control.input_gate import NANOSECONDS, RawState, StateSample
 from manifold_mpc_ros.lie import so3
-from manifold_mpc_ros.nodes.gate import NANOSECONDS, RawState, StateSample
 
 #: First element of a covariance: the quantity is not provided (REP-145).
 NOT_PROVIDED = -1.0

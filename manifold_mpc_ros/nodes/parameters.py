@@ -17,7 +17,7 @@ from rcl_interfaces.msg import (
 from rclpy.lifecycle import LifecycleNode
 from rclpy.parameter import Parameter
 
-from manifold_mpc_ros.config_parameters import (
+from manifold_mpc_ros.config.parameter import (
     ROS_PARAMETERS,
     ParameterSpec,
     Value,

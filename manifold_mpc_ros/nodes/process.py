@@ -17,7 +17,7 @@ from collections.abc import Callable, Sequence
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from manifold_mpc_ros.config_yaml import check_parameter_file
+from manifold_mpc_ros.config.yaml_file import check_parameter_file
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.nodes.usage import Arguments, Program, parse_arguments
 

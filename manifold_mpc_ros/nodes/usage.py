@@ -10,7 +10,7 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from manifold_mpc_ros.config_parameters import ParameterSpec, Value
+from manifold_mpc_ros.config.parameter import ParameterSpec, Value
 
 _WIDTH = 97
 

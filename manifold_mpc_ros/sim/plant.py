@@ -17,7 +17,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from manifold_mpc_ros.config import SimulatorConfig
+from manifold_mpc_ros.config.control_law import SimulatorConfig
 from manifold_mpc_ros.dynamics import scalar_form
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.errors import ConfigurationError

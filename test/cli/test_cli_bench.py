@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from manifold_mpc_ros.bench import instances
-from manifold_mpc_ros.cli import bench_batch, bench_tick
+from manifold_mpc_ros.lab.benchmark import batch, tick
+from manifold_mpc_ros.lab.benchmark.peers import instances
 
 Command = Callable[..., tuple[int, str, str]]
 
@@ -48,7 +48,7 @@ def test_mistakes_are_one_line(command: Command, arguments: list[str], named: st
 
 
 def test_latency_over_dds() -> None:
-    rows = bench_tick.measure(bench_tick.TickSettings((20.0,), 1.0, (0, 0)), lambda _: None)
+    rows = tick.measure(tick.TickSettings((20.0,), 1.0, (0, 0)), lambda _: None)
     assert [row['mode'] for row in rows] == ['lockstep', 'timer']
     lockstep, timer = rows
     assert lockstep['ticks'] == 20
@@ -62,14 +62,14 @@ def test_latency_over_dds() -> None:
 
 def test_the_aims_of_the_latency() -> None:
     row = {'mode': 'lockstep', 'rate_hz': 100.0, 'ticks': 9, 'missed': 1,
-           'reported_answer_time_us': bench_tick.percentiles([100.0] * 99 + [5000.0])}
+           'reported_answer_time_us': tick.percentiles([100.0] * 99 + [5000.0])}
     timer = {'mode': 'timer', 'rate_hz': 100.0, 'ticks': 9, 'reported_missed_ticks': 0.0}
-    assert [aim['met'] for aim in bench_tick.targets([row, timer])] == [True, False, True]
-    assert bench_tick.targets([{**row, 'rate_hz': 50.0}]) == []
+    assert [aim['met'] for aim in tick.targets([row, timer])] == [True, False, True]
+    assert tick.targets([{**row, 'rate_hz': 50.0}]) == []
 
 
 def test_many_loops(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bench_batch, 'QUICK_LOOPS', 3)
+    monkeypatch.setattr(batch, 'QUICK_LOOPS', 3)
     output = tmp_path / 'batch.json'
     status, out, err = command('bench', '--batch', '--quick', '--output', output)
     assert (status, err) == (0, '')
@@ -81,8 +81,8 @@ def test_many_loops(command: Command, tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 def test_the_aims_of_many_loops() -> None:
-    row = {'loops': bench_batch.LOOPS, 'elapsed_s': 61.0, 'not_settled': 1,
+    row = {'loops': batch.LOOPS, 'elapsed_s': 61.0, 'not_settled': 1,
            'solves_without_a_feasible_plan': 2, 'most_over_torque_limit_n_m': 1e-3,
            'most_over_rate_limit_rad_s': -0.1}
-    assert [aim['met'] for aim in bench_batch.targets(row)] == [False] * 4 + [True]
-    assert len(bench_batch.targets({**row, 'loops': 7})) == 4
+    assert [aim['met'] for aim in batch.targets(row)] == [False] * 4 + [True]
+    assert len(batch.targets({**row, 'loops': 7})) == 4

@@ -15,8 +15,8 @@ import pytest
 import yaml
 from campaign_plans import mapping, plants
 
-from manifold_mpc_ros.campaigns import chunks
-from manifold_mpc_ros.campaigns.plan import CampaignPlan
+from manifold_mpc_ros.lab.campaign import chunks
+from manifold_mpc_ros.lab.campaign.plan import CampaignPlan
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 
 Command = Callable[..., tuple[int, str, str]]

@@ -14,9 +14,9 @@ from campaign_plans import mapping, plan, plants
 from matplotlib.figure import Figure
 from test_cli_pictures import assert_no_text_overlaps
 
-from manifold_mpc_ros.campaigns.outcome import Outcome
-from manifold_mpc_ros.cli.plot_campaign import EXCESS_RANGE, plot_campaign
-from manifold_mpc_ros.cli.plot_campaign_spread import plot_spread
+from manifold_mpc_ros.lab.campaign.outcome import Outcome
+from manifold_mpc_ros.lab.campaign.output.plot_campaign import EXCESS_RANGE, plot_campaign
+from manifold_mpc_ros.lab.campaign.output.plot_spread import plot_spread
 
 GOOD = Outcome(
     name='random-0', initial_angle_deg=100.0, initial_rate_rad_s=0.1, settled_s=11.0,

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from manifold_mpc_ros.theory.certificate import read_certificate
+from manifold_mpc_ros.lab.certification.certificate import read_certificate
 
 Command = Callable[..., tuple[int, str, str]]
 TOP = Path(__file__).parents[2]
@@ -107,8 +107,8 @@ def test_mistakes_are_one_line(command: Command, arguments: tuple[str, ...]) -> 
 
 def test_the_shipped_certificate_is_of_the_shipped_configuration() -> None:
     """What `certify` wrote for config/controller.yaml, all of it certified."""
-    from manifold_mpc_ros.config import AttitudeMpcConfig
-    from manifold_mpc_ros.problems.enclosures import describe, design_of
+    from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+    from manifold_mpc_ros.lab.certification.enclosures import describe, design_of
     certificate = read_certificate(TOP / 'docs/results/certificate.json')
     config = AttitudeMpcConfig.from_yaml(TOP / 'config/controller.yaml')
     assert (certificate.problem, certificate.configuration) == describe(config)

@@ -16,8 +16,8 @@ from typing import Any
 import pytest
 from interruptible import take_interrupts
 
-from manifold_mpc_ros.chaos.table import FAULTS, QUICK
 from manifold_mpc_ros.cli.processes import node_environment
+from manifold_mpc_ros.lab.fault_injection.table import FAULTS, QUICK
 
 Command = Callable[..., tuple[int, str, str]]
 TOP = Path(__file__).parents[2]

@@ -17,9 +17,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from manifold_mpc_ros.bags.run import read_run
-from manifold_mpc_ros.bags.verdict import judge
 from manifold_mpc_ros.cli import processes
+from manifold_mpc_ros.lab.recording.bags.run import read_run
+from manifold_mpc_ros.lab.recording.bags.verdict import judge
 
 Command = Callable[..., tuple[int, str, str]]
 TOP = Path(__file__).parents[2]

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from manifold_mpc_ros.cli import design as verb
-from manifold_mpc_ros.config import AttitudeMpcConfig
-from manifold_mpc_ros.mpc.horizon import HorizonReport
-from manifold_mpc_ros.problems.registry import terminal_design
-from manifold_mpc_ros.theory.design import TerminalDesign
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.lab.domain import verb_design as verb
+from manifold_mpc_ros.lab.domain.horizon import HorizonReport
+from manifold_mpc_ros.terminal.design import TerminalDesign
+from manifold_mpc_ros.terminal.problem_of import terminal_design
 
 Command = Callable[..., tuple[int, str, str]]
 
@@ -103,7 +103,7 @@ def test_the_horizon_is_compared_with_the_configured_one(
         progress('N = 4: tried')
         return HorizonReport(smallest, np.array([0.0, np.pi, 0.0]), 132, {4: 0, smallest: 132})
 
-    monkeypatch.setattr('manifold_mpc_ros.mpc.horizon.smallest_horizon', found)
+    monkeypatch.setattr('manifold_mpc_ros.lab.domain.horizon.smallest_horizon', found)
     status, out, err = command('design', '--json', tmp_path / 'design.json')
     assert (status, err) == (0, '')
     assert 'N = 4: tried' in out

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from manifold_mpc_ros.cli.main import main
-from manifold_mpc_ros.sim import discontinuity_study
+from manifold_mpc_ros.lab.discontinuity import study
 
 # Design page, trap 1 [N m].
 FIRST_TORQUE = 1.1788
@@ -33,11 +33,11 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
     """Run the paper's law with few samples in CasADi's virtual machine."""
     folder = tmp_path_factory.mktemp('discontinuity')
     coarse = functools.partial(
-        discontinuity_study.study_antipode, radii_deg=(10.0,), samples=12, rings=2)
+        study.study_antipode, radii_deg=(10.0,), samples=12, rings=2)
     with pytest.MonkeyPatch.context() as patch:
         lines: list[str] = []
         patch.setattr('sys.stdout.write', lines.append, raising=False)
-        patch.setattr(discontinuity_study, 'study_antipode', coarse)
+        patch.setattr(study, 'study_antipode', coarse)
         status = main(['discontinuity', '--law', 'paper', '--backend', 'vm', '--map-axes', '6',
                        '--axis', '0', '0', '2', '--output', str(folder)])
     text = (folder / 'discontinuity.json').read_text(encoding='utf-8')

@@ -19,10 +19,10 @@ import pytest
 from interruptible import take_interrupts
 from matplotlib.image import imread
 
-from manifold_mpc_ros.config import AttitudeMpcConfig
-from manifold_mpc_ros.mpc.domain import NONE, Domain, Progress, Round, Settings
-from manifold_mpc_ros.mpc.domain_states import States, half_turns, moving_states
-from manifold_mpc_ros.theory.design import TerminalDesign
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.lab.domain.domain import NONE, Domain, Progress, Round, Settings
+from manifold_mpc_ros.lab.domain.states import States, half_turns, moving_states
+from manifold_mpc_ros.terminal.design import TerminalDesign
 
 Command = Callable[..., tuple[int, str, str]]
 TOP = Path(__file__).parents[2]
@@ -55,7 +55,7 @@ def by_angle(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         progress(Round(1, (20,), total, total, total, total, total))
         return found
 
-    monkeypatch.setattr('manifold_mpc_ros.mpc.domain.smallest_horizons', search)
+    monkeypatch.setattr('manifold_mpc_ros.lab.domain.domain.smallest_horizons', search)
     return seen
 
 

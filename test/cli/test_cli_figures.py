@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from manifold_mpc_ros.cli.figures import CASES, paper_config
 from manifold_mpc_ros.cli.main import main
+from manifold_mpc_ros.lab.discontinuity.verb_figures import CASES, paper_config
 
 NAMES = {
     'figure_1_torque_z.png', 'figure_2_rate_z.png', 'figure_3_orientation_180.png',

@@ -150,7 +150,7 @@ def test_an_interrupt_is_not_a_success(
 ) -> None:
     def interrupted(_arguments: object) -> int:
         raise KeyboardInterrupt
-    monkeypatch.setattr('manifold_mpc_ros.cli.design.run', interrupted)
+    monkeypatch.setattr('manifold_mpc_ros.lab.domain.verb_design.run', interrupted)
     assert command('design') == (130, '', 'manifold-mpc: interrupted\n')
 
 

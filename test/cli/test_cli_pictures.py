@@ -13,9 +13,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from manifold_mpc_ros.cli import plot_orientation as orientation
-from manifold_mpc_ros.cli import plot_pair, plot_response, report
+from manifold_mpc_ros.cli import console
 from manifold_mpc_ros.cli.plot_style import draw_limits
+from manifold_mpc_ros.lab.discontinuity import plot_pair
+from manifold_mpc_ros.lab.report import plot_orientation as orientation
+from manifold_mpc_ros.lab.report import plot_response
 from manifold_mpc_ros.lie import so3
 
 
@@ -151,12 +153,12 @@ def test_snapshots_stop_soon_after_the_end(end_s: float | None, expected: list[i
 def test_csv_keeps_every_digit(tmp_path: Path) -> None:
     decades = 10.0 ** np.arange(-150, 150, 15)[:, None]
     values = decades * np.random.default_rng(1).normal(size=(20, 3))
-    path = report.write_csv(tmp_path / 'table.csv', {
-        **report.axis_columns('torque_B', 'n_m', values), 'status': ['ok'] * 20})
+    path = console.write_csv(tmp_path / 'table.csv', {
+        **console.axis_columns('torque_B', 'n_m', values), 'status': ['ok'] * 20})
     with path.open(encoding='utf-8') as file:
         rows = list(csv.DictReader(file))
     read = [[float(row[f'torque_B_{axis}_n_m']) for axis in 'xyz'] for row in rows]
     assert np.array_equal(read, values)
     assert {row['status'] for row in rows} == {'ok'}
     with pytest.raises(ValueError, match='argument'):
-        report.write_csv(tmp_path / 'uneven.csv', {'a': [1], 'b': [1, 2]})
+        console.write_csv(tmp_path / 'uneven.csv', {'a': [1], 'b': [1, 2]})

@@ -19,8 +19,8 @@ import pytest
 import yaml
 from interruptible import take_interrupts
 
-from manifold_mpc_ros.bags.run import BagRun, read_run
 from manifold_mpc_ros.cli.processes import node_environment
+from manifold_mpc_ros.lab.recording.bags.run import BagRun, read_run
 
 Command = Callable[..., tuple[int, str, str]]
 TOP = Path(__file__).parents[2]

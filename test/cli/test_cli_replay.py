@@ -15,12 +15,12 @@ from pathlib import Path
 import pytest
 from golden import GOLDEN, NAMES, truncated
 
-from manifold_mpc_ros.bags.contents import BagTopic, RawMessage
-from manifold_mpc_ros.bags.decode import WRENCH, typestore
-from manifold_mpc_ros.bags.reader import read_bag
-from manifold_mpc_ros.bags.run import read_run
-from manifold_mpc_ros.bags.writer import BagWriter
 from manifold_mpc_ros.cli.processes import node_environment
+from manifold_mpc_ros.lab.recording.bags.contents import BagTopic, RawMessage
+from manifold_mpc_ros.lab.recording.bags.decode import WRENCH, typestore
+from manifold_mpc_ros.lab.recording.bags.reader import read_bag
+from manifold_mpc_ros.lab.recording.bags.run import read_run
+from manifold_mpc_ros.lab.recording.bags.writer import BagWriter
 
 Command = Callable[..., tuple[int, str, str]]
 TOP = Path(__file__).parents[2]

@@ -136,8 +136,8 @@ def test_verdicts_and_names_are_on_the_page(command: Command, tmp_path: Path) ->
 
 def test_hostile_text_in_a_bag_stays_text(tmp_path: Path) -> None:
     pytest.importorskip('plotly')
-    from manifold_mpc_ros.bags.run import read_run
-    from manifold_mpc_ros.cli.page import Reported, write_page
+    from manifold_mpc_ros.lab.recording.bags.run import read_run
+    from manifold_mpc_ros.lab.report.page import Reported, write_page
     run = read_run(GOLDEN / 'mistuned.mcap')
     path = write_page(tmp_path / 'page.html', [
         Reported('</script><script>alert(1)</script>', run, None)])
@@ -145,7 +145,7 @@ def test_hostile_text_in_a_bag_stays_text(tmp_path: Path) -> None:
 
 
 def test_names_in_a_bag_are_no_paths() -> None:
-    from manifold_mpc_ros.cli.bag_report import _distinct
+    from manifold_mpc_ros.lab.report.verb import _distinct
     assert _distinct(['../../etc/x', 'a b', 'a_b', '']) == ['_etc_x', 'a_b', 'a_b_2', 'run']
 
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from golden import GOLDEN
 
-from manifold_mpc_ros.bags.compare import Comparison, compare_torques
-from manifold_mpc_ros.bags.run import BagRun, read_run
-from manifold_mpc_ros.bags.series import CommandSeries
 from manifold_mpc_ros.cli import provenance
-from manifold_mpc_ros.cli.replay_plan import ReplayPlan
+from manifold_mpc_ros.lab.recording.bags.compare import Comparison, compare_torques
+from manifold_mpc_ros.lab.recording.bags.run import BagRun, read_run
+from manifold_mpc_ros.lab.recording.bags.series import CommandSeries
+from manifold_mpc_ros.lab.recording.replay_plan import ReplayPlan
 
 
 def plan(recorded: BagRun, rate: float | None = None) -> ReplayPlan:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from manifold_mpc_ros.config import MAX_STEP_ANGLE_RAD, AttitudeMpcConfig
+from manifold_mpc_ros.config.control_law import MAX_STEP_ANGLE_RAD, AttitudeMpcConfig
 from manifold_mpc_ros.errors import ConfigurationError, ManifoldMpcError
 from manifold_mpc_ros.lie import so3
 

@@ -14,11 +14,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from properties import PROPERTY, any_float
 
-from manifold_mpc_ros.config_controller import ControllerConfig
-from manifold_mpc_ros.config_parameters import resolve_parameters
-from manifold_mpc_ros.config_simulator import SimulatorConfig
-from manifold_mpc_ros.config_tables import CONTROLLER_PARAMETERS, SIMULATOR_PARAMETERS
-from manifold_mpc_ros.config_yaml import flatten_parameters, parse_mapping
+from manifold_mpc_ros.config.controller import ControllerConfig
+from manifold_mpc_ros.config.parameter import resolve_parameters
+from manifold_mpc_ros.config.simulator import SimulatorConfig
+from manifold_mpc_ros.config.tables import CONTROLLER_PARAMETERS, SIMULATOR_PARAMETERS
+from manifold_mpc_ros.config.yaml_file import flatten_parameters, parse_mapping
 from manifold_mpc_ros.errors import ConfigurationError
 
 scalars = st.none() | st.booleans() | st.integers() | any_float | st.text(max_size=6)

@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 import yaml
 
-from manifold_mpc_ros.config import AttitudeMpcConfig, SimulatorConfig
-from manifold_mpc_ros.config_controller import ControllerConfig
-from manifold_mpc_ros.config_parameters import ParameterSpec, resolve_parameters
-from manifold_mpc_ros.config_tables import (
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig, SimulatorConfig
+from manifold_mpc_ros.config.controller import ControllerConfig
+from manifold_mpc_ros.config.parameter import ParameterSpec, resolve_parameters
+from manifold_mpc_ros.config.tables import (
     CONTROLLER_NAME,
     CONTROLLER_PARAMETERS,
     SIMULATOR_NAME,
     SIMULATOR_PARAMETERS,
 )
-from manifold_mpc_ros.config_yaml import check_parameter_file, read_parameter_file
+from manifold_mpc_ros.config.yaml_file import check_parameter_file, read_parameter_file
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3
 

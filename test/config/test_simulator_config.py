@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from manifold_mpc_ros.config import SimulatorConfig
+from manifold_mpc_ros.config.control_law import SimulatorConfig
 from manifold_mpc_ros.errors import ConfigurationError
 
 

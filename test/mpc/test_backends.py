@@ -20,7 +20,7 @@ from reference import closed_loop
 
 from manifold_mpc_ros.errors import ConfigurationError, SolverBuildError
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
-from manifold_mpc_ros.problems.registry import terminal_design
+from manifold_mpc_ros.terminal.problem_of import terminal_design
 
 Make = Callable[..., AttitudeMpc]
 

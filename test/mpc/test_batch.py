@@ -17,7 +17,7 @@ from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
-from manifold_mpc_ros.mpc.batch import BatchMpc
+from manifold_mpc_ros.mpc.batch_mpc import BatchMpc
 from manifold_mpc_ros.mpc.model_loop import LoopingMpc
 
 Array = NDArray[np.float64]

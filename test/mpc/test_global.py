@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from oracle_starts import best
 from strategies import generator, half_turns
 
-from manifold_mpc_ros.bench.oracle import Oracle, steps_of
+from manifold_mpc_ros.lab.benchmark.peers.oracle import Oracle, steps_of
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.solution import SolveStatus

@@ -21,8 +21,8 @@ from strategies import INERTIAS, generator
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc import search
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
-from manifold_mpc_ros.mpc.kernel import fields as f
-from manifold_mpc_ros.mpc.kernel.interpreted import InterpretedSolver
+from manifold_mpc_ros.mpc.backends.interpreted import InterpretedSolver
+from manifold_mpc_ros.mpc.program import fields as f
 
 Array = NDArray[np.float64]
 

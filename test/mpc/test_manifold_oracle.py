@@ -17,10 +17,10 @@ from cases import LIMITED, REFERENCE, random_states
 from manifold_oracle import ManifoldOracle, point_of
 from strategies import half_turns
 
+from manifold_mpc_ros.lab.discontinuity.discontinuity import jump_of_side
+from manifold_mpc_ros.lab.reference.manifold_mpc import PlanStatus
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
-from manifold_mpc_ros.sim.discontinuity import jump_of_side
-from manifold_mpc_ros.theory.manifold_mpc import PlanStatus
 
 AXIS = np.array([0.6, 0.0, 0.8])
 POINTING: dict[str, Any] = {'target': 'pointing', 'pointing_axis_B': tuple(AXIS)}

@@ -12,13 +12,13 @@ import pytest
 from cases import CERTIFIED, LIMITED, REFERENCE, Array, random_states
 from strategies import generator, unit_vectors
 
-from manifold_mpc_ros.config import AttitudeMpcConfig
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step, step_rotation
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 from manifold_mpc_ros.mpc.target import attitude_towards, error_angle
-from manifold_mpc_ros.theory.manifold import tangent_basis
+from manifold_mpc_ros.terminal.manifold import tangent_basis
 
 Make = Callable[..., AttitudeMpc]
 POINTING: dict[str, Any] = {'target': 'pointing', 'pointing_axis_B': (0.6, 0.0, 0.8)}

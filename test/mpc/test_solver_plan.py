@@ -15,7 +15,7 @@ from oracle_starts import best
 from reference import closed_loop, plan_cost, roll_out
 from strategies import INERTIAS, generator, half_turns
 
-from manifold_mpc_ros.bench.oracle import Oracle, steps_of
+from manifold_mpc_ros.lab.benchmark.peers.oracle import Oracle, steps_of
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus

@@ -15,7 +15,7 @@ from oracle_starts import best
 from reference import advance, chart, closed_loop
 from strategies import generator, half_turns, unit_vectors
 
-from manifold_mpc_ros.bench.oracle import Oracle
+from manifold_mpc_ros.lab.benchmark.peers.oracle import Oracle
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus

@@ -13,7 +13,7 @@ from cases import CERTIFIED, LIMITED, REFERENCE, cold, configuration, random_sta
 from numpy.typing import NDArray
 from strategies import generator, half_turns
 
-from manifold_mpc_ros.config import AttitudeMpcConfig
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution

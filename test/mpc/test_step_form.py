@@ -21,7 +21,7 @@ from manifold_mpc_ros.lie.symbolic import (
     rotation_from_quaternion,
     vee_of_skew_part,
 )
-from manifold_mpc_ros.mpc.kernel import step_form as form
+from manifold_mpc_ros.mpc.stages import step_derivatives as form
 
 Array = NDArray[np.float64]
 in_inertias = pytest.mark.parametrize('inertia', sorted(INERTIAS))

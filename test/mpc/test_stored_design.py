@@ -14,7 +14,7 @@ from cases import configuration
 from manifold_mpc_ros.errors import DesignError
 from manifold_mpc_ros.mpc import stored_design as module
 from manifold_mpc_ros.mpc.stored_design import stored_design
-from manifold_mpc_ros.problems.registry import terminal_design
+from manifold_mpc_ros.terminal.problem_of import terminal_design
 
 CONFIG = configuration()
 

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from reference import advance, chart, chart_state, stage_cost
 from strategies import INERTIAS
 
-from manifold_mpc_ros.config import AttitudeMpcConfig
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.errors import DesignError
-from manifold_mpc_ros.problems.registry import terminal_design
-from manifold_mpc_ros.theory.design import TerminalDesign
+from manifold_mpc_ros.terminal.design import TerminalDesign
+from manifold_mpc_ros.terminal.problem_of import terminal_design
 
 Array = NDArray[np.float64]
 

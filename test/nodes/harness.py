@@ -129,7 +129,7 @@ class Rig:
             arguments += ['-p', f'{name}:={text}']
         for source, target in (remap or {}).items():
             arguments += ['-r', f'{source}:={target}']
-        return self.run([f'manifold_mpc_ros.nodes.{program}', *arguments], **variables)
+        return self.run([f'manifold_mpc_ros.nodes.{program}.main', *arguments], **variables)
 
     def run(self, arguments: Sequence[str], **variables: str) -> Process:
         """Start ``python -m`` with these arguments."""

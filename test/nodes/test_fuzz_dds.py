@@ -15,8 +15,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.serialization import serialize_message
 from watching import values_of
 
-from manifold_mpc_ros.chaos import disturbances
-from manifold_mpc_ros.nodes.raw import message_class
+from manifold_mpc_ros.lab.fault_injection import disturbances
+from manifold_mpc_ros.lab.recording.nodes.raw import message_class
 
 if TYPE_CHECKING:
     from harness import Rig

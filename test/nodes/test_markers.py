@@ -16,7 +16,7 @@ from nav_msgs.msg import Odometry
 from visualization_msgs.msg import Marker, MarkerArray
 
 from manifold_mpc_ros.lie import so3
-from manifold_mpc_ros.nodes.marker_shapes import Picture, markers
+from manifold_mpc_ros.nodes.markers.shapes import Picture, markers
 from manifold_mpc_ros.nodes.messages import to_quaternion
 
 TOPIC = '/attitude_markers/markers'
@@ -63,7 +63,7 @@ def test_a_direction_is_one_arrow() -> None:
 
 
 def test_over_dds_only_while_somebody_looks(rig: Rig) -> None:
-    rig.run(['manifold_mpc_ros.nodes.markers'])
+    rig.run(['manifold_mpc_ros.nodes.markers.main'])
     states = rig.node.create_publisher(Odometry, 'odometry', 10)
     setpoints = rig.node.create_publisher(QuaternionStamped, 'attitude_setpoint', 10)
     said: list[DiagnosticArray] = rig.watch(DiagnosticArray, '/diagnostics')

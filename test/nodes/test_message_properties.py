@@ -18,9 +18,9 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Quaternion, Vector3
 from nav_msgs.msg import Odometry
 
+from manifold_mpc_ros.control.input_gate import Refusal, StateGate, StateSample
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.nodes import messages
-from manifold_mpc_ros.nodes.gate import Refusal, StateGate, StateSample
 
 FORM = messages.StateFormat('inertial', 'base_link', 1e-6, 1e-8)
 stamps_ns = st.integers(1, 2**31 * 10**9 - 1)

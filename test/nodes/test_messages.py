@@ -9,9 +9,9 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 
+from manifold_mpc_ros.control.input_gate import StateGate, StateSample
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.nodes import messages
-from manifold_mpc_ros.nodes.gate import StateGate, StateSample
 
 FORM = messages.StateFormat('inertial', 'base_link', 1e-4, 1e-6)
 STAMP_NS = 5_000_000_001

@@ -7,9 +7,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from manifold_mpc_ros.config import SimulatorConfig
-from manifold_mpc_ros.nodes.pacing import LONGEST_CATCH_UP_S, Ask, FreeRun, Lockstep, Patience
-from manifold_mpc_ros.nodes.plant_loop import PlantLoop
+from manifold_mpc_ros.config.control_law import SimulatorConfig
+from manifold_mpc_ros.sim.pacing import LONGEST_CATCH_UP_S, Ask, FreeRun, Lockstep, Patience
+from manifold_mpc_ros.sim.plant_loop import PlantLoop
 
 CONFIG = SimulatorConfig(
     inertia_kg_m2=np.diag([1.0, 0.9, 0.6]), step_s=0.025, control_period_s=0.5,

@@ -18,9 +18,10 @@ from harness import file_with, reserved_domain
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
 
-from manifold_mpc_ros.nodes import controller, simulator
-from manifold_mpc_ros.nodes.controller_node import AttitudeControllerNode
-from manifold_mpc_ros.nodes.simulator_node import LgviSimulatorNode
+from manifold_mpc_ros.nodes.controller import main as controller
+from manifold_mpc_ros.nodes.controller.node import AttitudeControllerNode
+from manifold_mpc_ros.nodes.simulator import main as simulator
+from manifold_mpc_ros.nodes.simulator.node import LgviSimulatorNode
 
 PROGRAMS = {
     'controller': (AttitudeControllerNode, controller.PROGRAM),

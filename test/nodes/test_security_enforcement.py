@@ -60,7 +60,7 @@ def start(rig: Rig, program: str, store: Path) -> Process:
     """Start a node in its enclave; skip where the middleware has no security."""
     name = NODES[program]
     process = rig.run(
-        [f'manifold_mpc_ros.nodes.{program}', '--ros-args', '--enclave', f'/{name}',
+        [f'manifold_mpc_ros.nodes.{program}.main', '--ros-args', '--enclave', f'/{name}',
          '-p', 'secure:=true'], **secured(store))
     rig.until(lambda: log_line(process, ']: active')() or not process.running,
               f'the {program}', alive=False)
@@ -105,7 +105,7 @@ def test_enforcement_without_plugins_is_an_error_and_not_a_way_in(tmp_path: Path
     (tmp_path / 'enclaves' / 'attitude_controller').mkdir(parents=True)
     with reserved_domain() as domain:
         done = subprocess.run(
-            [sys.executable, '-m', 'manifold_mpc_ros.nodes.controller', '--ros-args',
+            [sys.executable, '-m', 'manifold_mpc_ros.nodes.controller.main', '--ros-args',
              '--enclave', '/attitude_controller', '-p', 'secure:=true'],
             env=child_environment(domain, **secured(tmp_path)), text=True, check=False,
             capture_output=True, timeout=PATIENCE_S)

@@ -9,7 +9,8 @@ import sys
 
 import pytest
 
-from manifold_mpc_ros.nodes import controller, simulator
+from manifold_mpc_ros.nodes.controller import main as controller
+from manifold_mpc_ros.nodes.simulator import main as simulator
 from manifold_mpc_ros.nodes.usage import Program, parse_arguments
 
 PROGRAMS = [controller.PROGRAM, simulator.PROGRAM]
@@ -51,7 +52,7 @@ def test_ros_arguments_pass_and_parameter_files_are_found() -> None:
 @pytest.mark.parametrize('module', ['controller', 'simulator'])
 def test_the_module_runs_and_knows_its_name(module: str) -> None:
     done = subprocess.run(
-        [sys.executable, '-m', f'manifold_mpc_ros.nodes.{module}', '--unknown'],
+        [sys.executable, '-m', f'manifold_mpc_ros.nodes.{module}.main', '--unknown'],
         capture_output=True, text=True, check=False, timeout=60)
     assert done.returncode == 2
     assert f'{module}: error: unrecognized arguments: --unknown' in done.stderr

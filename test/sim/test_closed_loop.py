@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from manifold_mpc_ros.config import AttitudeMpcConfig, SimulatorConfig
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig, SimulatorConfig
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.errors import ConfigurationError, StepExistenceError
 from manifold_mpc_ros.lie import so3

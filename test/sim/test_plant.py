@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from manifold_mpc_ros.config import SimulatorConfig
+from manifold_mpc_ros.config.control_law import SimulatorConfig
 from manifold_mpc_ros.dynamics.lgvi import inertial_momentum, kinetic_energy, lgvi_step
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from strategies import INERTIAS, generator, rates
 
-from manifold_mpc_ros.config import AttitudeMpcConfig
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics.lgvi import step_rotation
+from manifold_mpc_ros.lab.reference.stage_cost import direction_B, stage_costs
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
-from manifold_mpc_ros.sim.stage_cost import direction_B, stage_costs
 
 POINTING = {'target': 'pointing', 'pointing_axis_B': (0.6, 0.0, 0.8), 'pointing_weight': 3.0}
 

@@ -32,7 +32,7 @@ import manifold_mpc_ros
 imported = [
     importlib.import_module(found.name).__name__
     for found in pkgutil.walk_packages(manifold_mpc_ros.__path__, 'manifold_mpc_ros.')
-    if not found.name.startswith('manifold_mpc_ros.nodes.')
+    if '.nodes.' not in found.name and not found.name.endswith('latency_probe')
 ]
 print(*imported)
 """

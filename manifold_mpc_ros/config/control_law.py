@@ -1,0 +1,186 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Configuration of the controller: one frozen value, checked as a whole when it is built."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from manifold_mpc_ros.config import checks as checks
+from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.config.parameter import (
+    Value,
+    by_field,
+    named_as_parameter,
+    resolve_parameters,
+)
+from manifold_mpc_ros.config.simulator import SimulatorConfig
+from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
+from manifold_mpc_ros.config.yaml_file import read_parameter_file
+from manifold_mpc_ros.errors import ConfigurationError
+
+__all__ = ['AttitudeMpcConfig', 'SimulatorConfig', 'MAX_STEP_ANGLE_RAD']
+
+FORCINGS = ('symmetric', 'paper')
+TARGETS = ('attitude', 'pointing')
+
+#: Largest rotation in one step that the rate limits may allow [rad]. The principal branch of the
+#: implicit step ends at pi/2 (docs/theory.md, section 2).
+MAX_STEP_ANGLE_RAD = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class AttitudeMpcConfig:
+    """Everything that defines the control law; immutable, arrays are read-only.
+
+    The stage cost is ``tr(Qg (I - g)) + tr(Qf (I - f)) / h^2 + tr(u^T R u) / 2`` with u = tau^x.
+
+    Arguments
+    ---------
+    inertia_kg_m2
+        J about the mass centre in body axes, 3x3 (3 numbers: its diagonal) [kg m^2].
+    step_s
+        Step h of prediction and control [s].
+    horizon
+        Number of steps N.
+    attitude_weight, rate_weight, torque_weight
+        Qg, Qf [s^2], R [1/(N m)^2]; symmetric 3x3 (3 numbers: the diagonal).
+    terminal_scale
+        lambda in (0, 1): the terminal cost is designed for the stage cost divided by lambda.
+    max_torque_n_m, max_rate_rad_s
+        Half widths of the boxes about zero, body axes; one number or three, inf for no limit
+        on an axis, None for no limit at all.
+    forcing
+        'symmetric' for a physical plant under zero-order hold, 'paper' for the paper's form.
+    terminal_constraint
+        False keeps the terminal cost and drops the terminal set.
+    target
+        'attitude' (SO(3)), or 'pointing' (S^2): one body axis to its commanded direction, roll
+        about it free. The stage cost then has ``w (1 - b . Gamma)`` in place of
+        ``tr(Qg (I - g))``, with b the axis and Gamma the commanded direction, in body axes.
+    pointing_axis_B
+        The body axis b that points (normalised) [1].
+    pointing_weight
+        w [1].
+
+    Raises
+    ------
+    ConfigurationError
+        Naming the first field that is invalid, its value and what would be valid.
+
+    """
+
+    inertia_kg_m2: FloatArray
+    step_s: float
+    horizon: int
+    attitude_weight: FloatArray
+    rate_weight: FloatArray
+    torque_weight: FloatArray
+    terminal_scale: float = 0.1
+    max_torque_n_m: FloatArray | None = None
+    max_rate_rad_s: FloatArray | None = None
+    forcing: str = 'symmetric'
+    terminal_constraint: bool = True
+    target: str = 'attitude'
+    pointing_axis_B: FloatArray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    pointing_weight: float = 2.0
+
+    def __post_init__(self) -> None:
+        """Check every field, then what the fields together have to satisfy."""
+        self._store('inertia_kg_m2', checks.inertia('inertia_kg_m2', self.inertia_kg_m2))
+        self._store('step_s', checks.positive('step_s', self.step_s))
+        self._store('horizon', checks.integer('horizon', self.horizon, low=1))
+        for name, definite in (
+            ('attitude_weight', False), ('rate_weight', False), ('torque_weight', True),
+        ):
+            value = getattr(self, name)
+            self._store(name, checks.trace_weight(name, value, definite=definite))
+        scale = checks.number(
+            'terminal_scale', self.terminal_scale, 'a number above 0 and below 1')
+        if not 0.0 < scale < 1.0:
+            raise ConfigurationError('terminal_scale', scale, 'a number above 0 and below 1')
+        self._store('terminal_scale', scale)
+        for name in ('max_torque_n_m', 'max_rate_rad_s'):
+            self._store(name, checks.limit(name, getattr(self, name)))
+        self._store('forcing', checks.choice('forcing', self.forcing, FORCINGS))
+        self._store('terminal_constraint',
+                    checks.boolean('terminal_constraint', self.terminal_constraint))
+        self._store('target', checks.choice('target', self.target, TARGETS))
+        self._store('pointing_axis_B',
+                    checks.direction('pointing_axis_B', self.pointing_axis_B))
+        self._store('pointing_weight', checks.positive('pointing_weight', self.pointing_weight))
+        self._check_branch()
+        self._check_existence()
+
+    @classmethod
+    def from_yaml(cls, path: str | Path) -> AttitudeMpcConfig:
+        """Read the controller's ROS parameter file, every key of it checked; needs no ROS."""
+        given = read_parameter_file(path, CONTROLLER_NAME)
+        return cls.from_parameters(
+            resolve_parameters(CONTROLLER_PARAMETERS, given, complete=True))
+
+    @classmethod
+    def from_parameters(cls, values: Mapping[str, Value]) -> AttitudeMpcConfig:
+        """Build from the node's checked parameters; errors carry the parameters' names."""
+        chosen: dict[str, Any] = by_field(
+            CONTROLLER_PARAMETERS, values, (entry.name for entry in fields(cls)))
+        try:
+            return cls(**chosen)
+        except ConfigurationError as error:
+            raise named_as_parameter(CONTROLLER_PARAMETERS, error) from None
+
+    @property
+    def nonstandard_inertia(self) -> FloatArray:
+        """``J_d = tr(J)/2 I - J`` [kg m^2], the inertia that the LGVI step is written in."""
+        return np.trace(self.inertia_kg_m2) / 2.0 * np.eye(3) - self.inertia_kg_m2
+
+    @property
+    def error_weight(self) -> FloatArray:
+        """The Q of ``tr(Q (I - g))``: Qg, or ``w b b^T`` for pointing."""
+        if self.target == 'attitude':
+            return self.attitude_weight
+        return self.pointing_weight * np.outer(self.pointing_axis_B, self.pointing_axis_B)
+
+    def _store(self, name: str, value: object) -> None:
+        """Set a field of the frozen instance while it is being built."""
+        object.__setattr__(self, name, value)
+
+    def _check_branch(self) -> None:
+        """Refuse rate limits that let one step turn as far as the end of the principal branch."""
+        rate = _finite_part(self.max_rate_rad_s)
+        angle = self.step_s * float(np.linalg.norm(rate))
+        if angle >= MAX_STEP_ANGLE_RAD:
+            raise ConfigurationError(
+                'max_rate_rad_s', rate.tolist(),
+                f'a box with step_s * |max_rate_rad_s| below {MAX_STEP_ANGLE_RAD} rad '
+                f'(it is {angle:.4g} rad with step_s = {self.step_s:g})')
+
+    def _check_existence(self) -> None:
+        """Refuse limits whose corner has no guaranteed implicit step.
+
+        The guarantee is ``h |J omega| + h^2/2 |tau| < lambda_min(J)``; axes without a limit do
+        not count here, the solver guards them.
+        """
+        rate, torque = _finite_part(self.max_rate_rad_s), _finite_part(self.max_torque_n_m)
+        signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+        momentum = float(np.linalg.norm((signs * rate) @ self.inertia_kg_m2, axis=1).max())
+        impulse = self.step_s * float(np.linalg.norm(torque)) / 2.0
+        smallest = float(np.linalg.eigvalsh(self.inertia_kg_m2)[0])
+        reached = self.step_s * (momentum + impulse)
+        if reached >= smallest:
+            key = 'max_rate_rad_s' if momentum >= impulse else 'max_torque_n_m'
+            raise ConfigurationError(
+                key, (rate if key == 'max_rate_rad_s' else torque).tolist(),
+                'limits with step_s * |J max_rate| + step_s^2/2 * |max_torque| below the smallest '
+                f'moment of inertia {smallest:.4g} kg m^2 (it is {reached:.4g})')
+
+
+def _finite_part(box: FloatArray | None) -> FloatArray:
+    """Return the limits with zero for the axes that have none."""
+    return np.zeros(3) if box is None else np.where(np.isfinite(box), box, 0.0)

@@ -1,0 +1,53 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Configuration of the controller node: the control law, and how the node uses it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.config.parameter import Value, by_field, resolve_parameters
+from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
+from manifold_mpc_ros.config.yaml_file import read_parameter_file
+
+
+@dataclass(frozen=True, eq=False)
+class ControllerConfig:
+    """Everything that `config/controller.yaml` says; its comments describe each field."""
+
+    mpc: AttitudeMpcConfig
+    backend: str
+    state_source: str
+    inertial_frame_id: str
+    body_frame_id: str
+    initial_setpoint: str
+    state_timeout_ticks: int
+    decrease_tolerance: float
+    attitude_noise_rad: float
+    scheduler_priority: int
+    lock_memory: bool
+    lockstep: bool
+    autostart: bool
+
+    @classmethod
+    def from_yaml(cls, path: str | Path) -> ControllerConfig:
+        """Read the controller's ROS parameter file, every key of it checked; needs no ROS."""
+        given = read_parameter_file(path, CONTROLLER_NAME)
+        return cls.from_parameters(
+            resolve_parameters(CONTROLLER_PARAMETERS, given, complete=True))
+
+    @classmethod
+    def from_parameters(cls, values: Mapping[str, Value]) -> ControllerConfig:
+        """Build from the node's checked parameters; raises ConfigurationError."""
+        chosen: dict[str, Any] = by_field(
+            CONTROLLER_PARAMETERS, values, (field.name for field in fields(cls)))
+        return cls(mpc=AttitudeMpcConfig.from_parameters(values), **chosen)
+
+    @property
+    def state_timeout_s(self) -> float:
+        """Age of the state above which the command is zero [s]."""
+        return self.state_timeout_ticks * self.mpc.step_s

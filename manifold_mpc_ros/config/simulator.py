@@ -1,0 +1,137 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Configuration of the simulated spacecraft and of the node that publishes it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from manifold_mpc_ros.config import checks as checks
+from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.config.parameter import (
+    Value,
+    by_field,
+    named_as_parameter,
+    resolve_parameters,
+)
+from manifold_mpc_ros.config.tables import SIMULATOR_NAME, SIMULATOR_PARAMETERS
+from manifold_mpc_ros.config.yaml_file import read_parameter_file
+from manifold_mpc_ros.errors import ConfigurationError
+
+#: The least time that a command stays in force, whatever the control period [s].
+SHORTEST_COMMAND_LIFE_S = 0.15
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatorConfig:
+    """Everything that defines the plant and the timing of its node; arrays are read-only.
+
+    Vectors are in body axes B; ``initial_attitude_xyzw`` is the quaternion of R_NB (body to
+    inertial) as x, y, z, w, stored with unit norm. ``max_torque_n_m`` None or inf means no limit.
+    ``state_period_s`` and ``control_period_s`` are multiples of ``step_s``; a command counts as
+    zero after ``command_timeout_periods`` control periods, 0.15 s at the least. The parameters
+    of ``config/simulator.yaml`` describe each field with its unit and range.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming the first field that is invalid, its value and what would be valid.
+
+    """
+
+    inertia_kg_m2: FloatArray
+    step_s: float = 0.025
+    initial_attitude_xyzw: FloatArray = (0.0, 0.0, 1.0, 0.0)  # type: ignore[assignment]
+    initial_rate_rad_s: FloatArray = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+    max_torque_n_m: FloatArray | None = None
+    disturbance_torque_n_m: FloatArray = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+    attitude_noise_std_rad: float = 0.0
+    rate_noise_std_rad_s: float = 0.0
+    seed: int = 0
+    state_period_s: float = 0.05
+    control_period_s: float = 0.5
+    command_timeout_periods: int = 3
+    real_time_factor: float = 1.0
+    publish_clock: bool = False
+    overdue_wait_s: float = 1.0
+    lockstep: bool = False
+    lockstep_retry_s: float = 0.2
+    lockstep_timeout_s: float = 10.0
+    inertial_frame_id: str = 'inertial'
+    body_frame_id: str = 'base_link'
+    autostart: bool = True
+
+    def __post_init__(self) -> None:
+        """Check every field, then what the fields together have to satisfy."""
+        self._store('inertia_kg_m2', checks.inertia('inertia_kg_m2', self.inertia_kg_m2))
+        self._store('max_torque_n_m', checks.limit('max_torque_n_m', self.max_torque_n_m))
+        self._store('initial_attitude_xyzw', checks.unit_quaternion(
+            'initial_attitude_xyzw', self.initial_attitude_xyzw))
+        for name in ('initial_rate_rad_s', 'disturbance_torque_n_m'):
+            self._store(name, checks.vector(name, getattr(self, name)))
+        for name in ('step_s', 'state_period_s', 'control_period_s', 'real_time_factor',
+                     'lockstep_retry_s', 'lockstep_timeout_s'):
+            self._store(name, checks.positive(name, getattr(self, name)))
+        for name in ('attitude_noise_std_rad', 'rate_noise_std_rad_s', 'overdue_wait_s'):
+            self._store(name, checks.non_negative(name, getattr(self, name)))
+        self._store('seed', checks.integer('seed', self.seed, low=0))
+        self._store('command_timeout_periods', checks.integer(
+            'command_timeout_periods', self.command_timeout_periods, low=1))
+        for name in ('publish_clock', 'lockstep', 'autostart'):
+            self._store(name, checks.boolean(name, getattr(self, name)))
+        self._check_timing()
+
+    @classmethod
+    def from_yaml(cls, path: str | Path) -> SimulatorConfig:
+        """Read the simulator's ROS parameter file, every key of it checked; needs no ROS."""
+        given = read_parameter_file(path, SIMULATOR_NAME)
+        return cls.from_parameters(
+            resolve_parameters(SIMULATOR_PARAMETERS, given, complete=True))
+
+    @classmethod
+    def from_parameters(cls, values: Mapping[str, Value]) -> SimulatorConfig:
+        """Build from the node's checked parameters; errors carry the parameters' names."""
+        chosen: dict[str, Any] = by_field(
+            SIMULATOR_PARAMETERS, values, (field.name for field in fields(cls)))
+        try:
+            return cls(**chosen)
+        except ConfigurationError as error:
+            raise named_as_parameter(SIMULATOR_PARAMETERS, error) from None
+
+    @property
+    def steps_per_state(self) -> int:
+        """Plant steps between two published states when time runs freely."""
+        return round(self.state_period_s / self.step_s)
+
+    @property
+    def steps_per_control(self) -> int:
+        """Plant steps in one control period, which is one exchange in lockstep."""
+        return round(self.control_period_s / self.step_s)
+
+    @property
+    def command_life_s(self) -> float:
+        """Age at which the last command counts as zero [s of simulated time]."""
+        return max(self.command_timeout_periods * self.control_period_s, SHORTEST_COMMAND_LIFE_S)
+
+    def _store(self, name: str, value: object) -> None:
+        """Set a field of the frozen instance while it is being built."""
+        object.__setattr__(self, name, value)
+
+    def _check_timing(self) -> None:
+        """Refuse periods that plant steps do not fill, and a time that nobody could follow."""
+        for name in ('state_period_s', 'control_period_s'):
+            period = getattr(self, name)
+            ratio = period / self.step_s
+            if round(ratio) < 1 or not np.isclose(ratio, round(ratio), rtol=1e-9, atol=0.0):
+                raise ConfigurationError(
+                    name, period, f'a multiple of the plant step {self.step_s:g} s')
+        followed = self.publish_clock or self.lockstep
+        if self.real_time_factor != 1.0 and not followed:
+            raise ConfigurationError(
+                'real_time_factor', self.real_time_factor,
+                '1 unless publish_clock or lockstep is true (others could not follow the time)')

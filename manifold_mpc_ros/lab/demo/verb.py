@@ -1,0 +1,207 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The verb ``demo``: both nodes as real processes, the loop closed over DDS."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from manifold_mpc_ros.cli import arguments as shared
+from manifold_mpc_ros.cli.processes import (
+    NodeProcesses,
+    end_on_sigterm,
+    free_domain_id,
+    node_environment,
+)
+from manifold_mpc_ros.config.control_law import SimulatorConfig
+from manifold_mpc_ros.config.controller import ControllerConfig
+from manifold_mpc_ros.errors import ManifoldMpcError
+from manifold_mpc_ros.lab.demo.bag import DemoBag
+from manifold_mpc_ros.lab.demo.watch import HOLD_S, StartWatch, loop_is_closed, watch_until_settled
+from manifold_mpc_ros.mpc.target import error_angle
+from manifold_mpc_ros.sim.closed_loop import settling_time
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from manifold_mpc_ros.lab.recording.nodes.history import Recorder, Recording
+
+SUMMARY = 'Close the loop over DDS: controller and simulator as two processes, live.'
+EXAMPLES = """\
+  manifold-mpc demo
+      a slew of 180 degrees with the shipped parameters; bag, report, pictures in results/demo
+  manifold-mpc demo --simulator-config tumble.yaml --time-limit 60 --output results/tumble
+      another spacecraft or start
+"""
+SNAPSHOTS = 8
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this verb."""
+    shared.add_controller_config(parser)
+    shared.add_simulator_config(parser)
+    parser.add_argument(
+        '--time-limit', type=shared.positive_number, default=40.0, metavar='S',
+        help='wall clock from the first command until the attitude has settled '
+             '(default: %(default)s)')
+    parser.add_argument(
+        '--start-limit', type=shared.positive_number, default=60.0, metavar='S',
+        help='wall clock until the first command: discovery, and building the solver '
+             '(default: %(default)s)')
+    shared.add_tolerances(parser)
+    shared.add_output(parser, 'results/demo')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run both nodes until the attitude settled or time is up; 0 when it settled."""
+    from manifold_mpc_ros.cli import console as report
+    from manifold_mpc_ros.lab.demo.display import DemoDisplay
+    files = (shared.controller_config_path(arguments.controller_config),
+             shared.simulator_config_path(arguments.simulator_config))
+    config = ControllerConfig.from_yaml(files[0])
+    SimulatorConfig.from_yaml(files[1])
+    recorder_class = _recorder_class()
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    domain_id, namespace = free_domain_id(), f'/demo_{os.getpid()}'
+    environment = node_environment(domain_id)
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'  # the recorder is in this process
+    end_on_sigterm()
+    console = report.make_console()
+    console.print(f'Two processes on ROS_DOMAIN_ID={domain_id}, topics under {namespace}')
+    with recorder_class(domain_id, namespace) as recorder, NodeProcesses() as processes, \
+            DemoBag(arguments.output / 'bag', domain_id, namespace) as bag:
+        def start(module: str, file: Path, *more: str) -> None:
+            processes.start(
+                module, ['--params-file', str(file), '-r', f'__ns:={namespace}', *more],
+                environment, arguments.output / f'{module}.log')
+
+        with DemoDisplay(console) as display:
+            waiting = StartWatch(recorder, processes, arguments.start_limit, display)
+            start('simulator', files[1])
+            # Seen before anything moves: the recording begins at the initial state.
+            waiting.until(lambda: recorder.states > 0)
+            start('controller', files[0], '-p', 'autostart:=false')
+            _activate_controller(recorder, bag, processes, waiting)
+            waiting.until(lambda: loop_is_closed(recorder))
+            watch_until_settled(recorder, processes, config.mpc, arguments, display)
+        bag.end()
+        recording, solver = recorder.recording(), recorder.solver
+        bag.describe(files, arguments, recorder.first_ns, float(recording.state_time_s[-1]))
+        exits = processes.stop()
+    status = _finish(console, recording, solver, waiting.elapsed_s, exits, config, arguments)
+    return status if _report(console, bag) else 1
+
+
+def _activate_controller(
+    recorder: Recorder, bag: DemoBag, processes: NodeProcesses, waiting: StartWatch,
+) -> None:
+    """Let the controller begin when it knows who listens, so that its first command is seen."""
+    name = recorder.controller
+    if recorder.configure(name, waiting.look):
+        bag.listen(name, waiting.look)
+        if recorder.activate(name, waiting.look):
+            return
+    raise ManifoldMpcError(
+        f'the controller refused to start: {processes.nodes[-1].last_words()}')
+
+
+def _report(console: Console, bag: DemoBag) -> bool:
+    """Write the page about the bag and say where both are; return whether that worked."""
+    from manifold_mpc_ros.lab.report.verb import write_report
+    if bag.failure:
+        console.print(f'no report: {bag.failure}', soft_wrap=True, markup=False)
+        return False
+    page = write_report(bag.path.parent / 'report', [bag.path])[0]
+    console.print(f'Bag and report, to look at in a browser:\n  {bag.path}\n  {page}',
+                  soft_wrap=True, markup=False)
+    return True
+
+
+def _recorder_class() -> type[Recorder]:
+    """Return the recorder, or say in one line what is missing."""
+    try:
+        from manifold_mpc_ros.lab.recording.nodes.history import Recorder
+    except ImportError as error:
+        raise ManifoldMpcError(
+            f'the demo needs ROS 2 for Python, and {error.name or error} is not there: '
+            "pip install 'manifold_mpc_ros[ros]', or source a ROS 2 installation") from None
+    return Recorder
+
+
+def _finish(
+    console: Console, recording: Recording, solver: dict[str, str], start_s: float,
+    exits: dict[str, int], config: ControllerConfig, arguments: argparse.Namespace,
+) -> int:
+    """Print the table, write pictures and data; 0 when settled and both nodes ended well."""
+    from manifold_mpc_ros.cli import console as report
+    error_rad = error_angle(config.mpc, recording.R_NB)
+    rate_rad_s = np.linalg.norm(recording.omega_BN_B, axis=1)
+    settled_s = settling_time(
+        recording.state_time_s,
+        (np.degrees(error_rad) < arguments.attitude_tolerance)
+        & (rate_rad_s < arguments.rate_tolerance))
+    if settled_s is not None and recording.state_time_s[-1] - settled_s < HOLD_S:
+        settled_s = None
+    console.print(report.result_table('Closed loop over DDS, two processes', [
+        ('settled after', report.settled_text(
+            settled_s, arguments.attitude_tolerance, arguments.rate_tolerance)),
+        ('start to first command', f'{start_s:.1f} s of wall clock, not counted above'),
+        (f'first {config.mpc.target} error', f'{math.degrees(error_rad[0]):.6g} deg'),
+        (f'final {config.mpc.target} error', f'{math.degrees(error_rad[-1]):.3g} deg'),
+        ('final rate', f'{rate_rad_s[-1]:.3g} rad/s'),
+        ('peak torque, by axis',
+         report.vector_text(np.abs(recording.torque_B_n_m).max(axis=0), 'N m')
+         + f', {report.limit_text(config.mpc.max_torque_n_m)}'),
+        ('peak rate, by axis',
+         report.vector_text(np.abs(recording.omega_BN_B).max(axis=0), 'rad/s')
+         + f', {report.limit_text(config.mpc.max_rate_rad_s)}'),
+        ('messages seen', f'{len(error_rad)} states, {len(recording.torque_B_n_m)} torques'),
+        ('last solve', ', '.join(f'{key} {solver[key]}' for key in (
+            'solver_status', 'iterations', 'solve_time_us') if key in solver) or 'unknown'),
+        ('promises broken', f'{solver.get("promises_broken", "unknown")} of '
+         f'{solver.get("promises_checked", "unknown")} (decrease of the value function)'),
+        ('exit status', ', '.join(f'{name} {status}' for name, status in exits.items())),
+    ]))
+    report.say_written(console, _write(recording, error_rad, settled_s, config, arguments))
+    return 0 if settled_s is not None and not any(exits.values()) else 1
+
+
+def _write(
+    recording: Recording, error_rad: np.ndarray, settled_s: float | None,
+    config: ControllerConfig, arguments: argparse.Namespace,
+) -> list[Path]:
+    """Write pictures and data; return where they are."""
+    from manifold_mpc_ros.cli import console as report
+    from manifold_mpc_ros.lab.report.plot_orientation import plot_orientation, snapshot_rows
+    from manifold_mpc_ros.lab.report.plot_response import Response, plot_response
+    folder = arguments.output
+    response = plot_response(Response(
+        title=f'Closed loop over DDS from {math.degrees(error_rad[0]):.4g} degrees',
+        state_time_s=recording.state_time_s, attitude_error_rad=error_rad,
+        omega_BN_B=recording.omega_BN_B, torque_time_s=recording.torque_time_s,
+        torque_B_n_m=recording.torque_B_n_m, max_rate_rad_s=config.mpc.max_rate_rad_s,
+        max_torque_n_m=config.mpc.max_torque_n_m,
+        attitude_tolerance_rad=math.radians(arguments.attitude_tolerance),
+        settled_s=settled_s, target=config.mpc.target), folder / 'response.png')
+    chosen = snapshot_rows(recording.state_time_s, 2.0, settled_s, SNAPSHOTS)
+    orientation = plot_orientation(
+        'Orientation during the slew', recording.state_time_s[chosen], recording.R_NB[chosen],
+        folder / 'orientation.png')
+    states = report.write_csv(folder / 'states.csv', {
+        'time_s': recording.state_time_s,
+        'attitude_error_rad': error_rad,
+        **report.axis_columns('omega_BN_B', 'rad_s', recording.omega_BN_B),
+        **report.attitude_columns(recording.R_NB),
+    })
+    torques = report.write_csv(folder / 'torques.csv', {
+        'time_s': recording.torque_time_s,
+        **report.axis_columns('torque_B', 'n_m', recording.torque_B_n_m),
+    })
+    return [response, orientation, states, torques,
+            folder / 'controller.log', folder / 'simulator.log']

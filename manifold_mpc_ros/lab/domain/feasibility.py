@@ -1,0 +1,78 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Membership in D_N: a plan of N steps that keeps every limit and ends in X_T, or none found.
+
+An answer needs no optimum. Every iterate of the solver is a roll-out of the model by torques
+strictly inside their limits, so the first iterate whose rates keep their limits and whose last
+state is in the terminal set is a plan that paper (Dn_defn) asks for: the state *is* in D_N, up
+to rounding. When no start of the global search leads to one, the answer is 'not found'; that is
+evidence that the state is outside, not a proof (IPOPT agrees on samples, test_domain.py).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.mpc import search
+from manifold_mpc_ros.mpc.attitude_mpc import VIOLATION, structure_of
+from manifold_mpc_ros.mpc.backends.build import load_solver
+from manifold_mpc_ros.mpc.program import options
+from manifold_mpc_ros.mpc.scaling import Array, flat_parameters, scaling_of
+from manifold_mpc_ros.terminal.design import TerminalDesign
+from manifold_mpc_ros.terminal.manifold import tangent_basis
+
+# Passes between two looks at whether a plan is feasible.
+_PASSES_BETWEEN = 4
+
+
+class Feasibility:
+    """The search for one feasible plan of ``config.horizon`` steps."""
+
+    def __init__(self, config: AttitudeMpcConfig, terminal: TerminalDesign, *,
+                 backend: str = 'auto', cache_dir: str | Path | None = None) -> None:
+        """Build or load the solver; raises SolverBuildError as :class:`AttitudeMpc` does."""
+        config = replace(config, terminal_constraint=True)
+        structure = structure_of(config)
+        make, self.backend = load_solver(structure, config.horizon, backend, cache_dir)
+        self._solver = make(flat_parameters(config, terminal.P, terminal.K, terminal.c))
+        self._starts = search.starts(structure, tangent_basis(config.pointing_axis_B))
+        self._plan = self._solver.new_plan()
+        self._unit = scaling_of(config)
+        limits = np.full(3, np.inf) if config.max_rate_rad_s is None else config.max_rate_rad_s
+        self._most_rate = (1 + VIOLATION) * limits / self._unit.rate_rad_s
+
+    def plan(self, R_NB: Array, omega_BN_B: Array) -> Array | None:
+        """Map a state (commanded attitude: identity) to torques (N, 3) [N m], None if not found.
+
+        The torques steer it into the terminal set within all limits.
+        """
+        self._solver.measure(R_NB, np.eye(3), omega_BN_B * self._unit.time_s)
+        for start in self._starts:
+            search.begin(self._solver, start)
+            while not self._is_feasible():
+                progress = self._solver.progress
+                if progress.flag != options.RUNNING or progress.passes >= search.MOST_PASSES:
+                    break
+                self._solver.iterate(progress.passes + _PASSES_BETWEEN)
+            else:
+                return self._plan.torques * self._unit.torque_n_m
+        return None
+
+    def terminal_ratio(self, R_NB: Array, omega_BN_B: Array) -> float:
+        """Return ``xi^T P xi / c`` of a state, at most 1 in X_T = D_0."""
+        self._solver.measure(R_NB, np.eye(3), omega_BN_B * self._unit.time_s)
+        search.begin(self._solver, self._starts[0])
+        self._solver.keep(self._plan)
+        return self._solver.report(self._plan).first_level
+
+    def _is_feasible(self) -> bool:
+        """Return whether a roll-out keeps the rate limits at k >= 1 and ends in X_T."""
+        self._solver.keep(self._plan)
+        report = self._solver.report(self._plan)
+        rates = self._solver.poses()[1:, 9:]
+        return bool(np.all(np.abs(rates) <= self._most_rate)
+                    and report.last_level <= 1 + VIOLATION)

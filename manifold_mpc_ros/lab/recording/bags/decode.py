@@ -1,0 +1,163 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Serialized messages to plain values; needs no ROS, the definitions come with `rosbags`."""
+
+from __future__ import annotations
+
+import functools
+import struct
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
+
+from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.lab.recording.bags.contents import RawMessage
+from manifold_mpc_ros.lab.recording.bags.series import NANOSECONDS
+from manifold_mpc_ros.lie import so3
+
+ODOMETRY, IMU = 'nav_msgs/msg/Odometry', 'sensor_msgs/msg/Imu'
+POSE, TWIST = 'geometry_msgs/msg/PoseStamped', 'geometry_msgs/msg/TwistStamped'
+WRENCH, DIAGNOSTICS = 'geometry_msgs/msg/WrenchStamped', 'diagnostic_msgs/msg/DiagnosticArray'
+ATTITUDE, DIRECTION = 'geometry_msgs/msg/QuaternionStamped', 'geometry_msgs/msg/Vector3Stamped'
+PATH, STRING = 'nav_msgs/msg/Path', 'std_msgs/msg/String'
+
+Decoded = TypeVar('Decoded')
+
+#: What reading damaged bytes as a message may raise.
+_DAMAGE = (SerdeError, struct.error, ValueError, IndexError, KeyError, TypeError, AssertionError,
+           OverflowError, MemoryError, AttributeError)
+
+
+@dataclass(frozen=True, eq=False)
+class StateValue:
+    """Attitude and body rate of one message; a message that lacks one of them has None there."""
+
+    R_NB: FloatArray | None
+    omega_BN_B: FloatArray | None
+
+
+@dataclass(frozen=True)
+class Stamped(Generic[Decoded]):
+    """A decoded message with the stamp of its header and the time of its receipt."""
+
+    stamp_ns: int
+    received_ns: int
+    value: Decoded
+
+
+@functools.cache
+def typestore() -> Typestore:
+    """Return the standard messages of ROS 2 Jazzy."""
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+def decode(
+    messages: Iterable[RawMessage], kind: str, read: Callable[[Any], Decoded],
+    damaged: Callable[[str], None],
+) -> Iterator[Stamped[Decoded]]:
+    """Yield what ``read`` makes of each message; ``damaged`` is told what could not be read."""
+    for message in messages:
+        try:
+            content: Any = typestore().deserialize_cdr(message.data, kind)
+            stamp = content.header.stamp
+            stamped = Stamped(int(stamp.sec) * NANOSECONDS + int(stamp.nanosec),
+                              message.received_ns, read(content))
+        except _DAMAGE as error:
+            damaged(f'{message.topic}: a message could not be read as {kind} '
+                    f'({" ".join(str(error).split())[:120]})')
+        else:
+            yield stamped
+
+
+def read_text(message: RawMessage) -> str:
+    """Return the text of a std_msgs/String; raises ValueError."""
+    try:
+        content: Any = typestore().deserialize_cdr(message.data, STRING)
+        return str(content.data)
+    except _DAMAGE as error:
+        raise ValueError(f'{message.topic}: {error}') from None
+
+
+def odometry(content: Any) -> StateValue:
+    """Return attitude (pose) and body rate (twist, child frame)."""
+    return StateValue(rotation(content.pose.pose.orientation),
+                      vector(content.twist.twist.angular))
+
+
+def imu(content: Any) -> StateValue:
+    """Return what an IMU gives: -1 in front of a covariance means "not this" (REP-145)."""
+    attitude = content.orientation_covariance[0] != -1.0
+    rate = content.angular_velocity_covariance[0] != -1.0
+    return StateValue(rotation(content.orientation) if attitude else None,
+                      vector(content.angular_velocity) if rate else None)
+
+
+def pose(content: Any) -> StateValue:
+    """Return the attitude of a pose."""
+    return StateValue(rotation(content.pose.orientation), None)
+
+
+def twist(content: Any) -> StateValue:
+    """Return the body rate of a twist, given in body axes."""
+    return StateValue(None, vector(content.twist.angular))
+
+
+def path(content: Any) -> FloatArray:
+    """Return the attitudes of a path (N + 1, 3, 3)."""
+    return np.array([rotation(each.pose.orientation) for each in content.poses]).reshape(-1, 3, 3)
+
+
+def rotation(quaternion: Any) -> FloatArray:
+    """Return the rotation matrix of a quaternion message; raises ValueError for none."""
+    values = np.array([quaternion.w, quaternion.x, quaternion.y, quaternion.z], dtype=float)
+    if not abs(float(np.linalg.norm(values)) - 1.0) < 1e-2:
+        raise ValueError(f'the quaternion (w, x, y, z) {values.tolist()} is not of unit length')
+    return so3.rotation_from_quaternion(values)
+
+
+def vector(content: Any) -> FloatArray:
+    """Return three numbers."""
+    return np.array([content.x, content.y, content.z], dtype=float)
+
+
+#: What gives a state, by type.
+STATE_READERS: dict[str, Callable[[Any], StateValue]] = {
+    ODOMETRY: odometry, IMU: imu, POSE: pose, TWIST: twist}
+
+
+def odometry_cdr(
+    stamp_ns: int, xyzw: Sequence[float], omega_BN_B: FloatArray, frames: tuple[str, str],
+) -> bytes:
+    """Return an odometry message of a body that turns in place, serialized."""
+    types, zeros = typestore().types, np.zeros(36)
+    none = types['geometry_msgs/msg/Vector3'](0.0, 0.0, 0.0)
+    rate = types['geometry_msgs/msg/Vector3'](*map(float, omega_BN_B))
+    attitude = types['geometry_msgs/msg/Quaternion'](*map(float, xyzw))
+    origin = types['geometry_msgs/msg/Point'](0.0, 0.0, 0.0)
+    return bytes(typestore().serialize_cdr(types[ODOMETRY](
+        _header(stamp_ns, frames[0]), frames[1],
+        types['geometry_msgs/msg/PoseWithCovariance'](
+            types['geometry_msgs/msg/Pose'](origin, attitude), zeros),
+        types['geometry_msgs/msg/TwistWithCovariance'](
+            types['geometry_msgs/msg/Twist'](none, rate), zeros)), ODOMETRY))
+
+
+def attitude_cdr(stamp_ns: int, xyzw: Sequence[float], frame_id: str) -> bytes:
+    """Return a commanded attitude, serialized."""
+    types = typestore().types
+    return bytes(typestore().serialize_cdr(types[ATTITUDE](
+        _header(stamp_ns, frame_id), types['geometry_msgs/msg/Quaternion'](*map(float, xyzw))),
+        ATTITUDE))
+
+
+def _header(stamp_ns: int, frame_id: str) -> Any:
+    """Return a header."""
+    types = typestore().types
+    seconds, rest = divmod(stamp_ns, NANOSECONDS)
+    return types['std_msgs/msg/Header'](
+        types['builtin_interfaces/msg/Time'](seconds, rest), frame_id)

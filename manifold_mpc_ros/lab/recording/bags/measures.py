@@ -1,0 +1,118 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What is measured of a run: settling times, peaks beyond the limits, counts of ticks."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.lab.recording.bags.run import BagRun
+from manifold_mpc_ros.lab.recording.bags.series import NANOSECONDS
+from manifold_mpc_ros.sim.closed_loop import settling_time
+
+#: Part of a limit by which it may be passed: the real body is not the model stepped at step_s.
+SLACK = 0.01
+
+
+def settling_times(
+    run: BagRun, attitude_deg: float, rate_rad_s: float,
+) -> tuple[float | None, ...]:
+    """Return the time from the start, and from each later setpoint, until the run is settled [s].
+
+    Settled means that the error of attitude (or pointing) and the norm of the rate stay below
+    their bounds until the next setpoint; None where they do not, or where no state follows.
+    """
+    below = (np.degrees(run.error_rad) < attitude_deg) \
+        & (np.linalg.norm(run.states.omega_BN_B, axis=1) < rate_rad_s)
+    time_s, begins_s = run.states.time_s, _begins_s(run)
+    times: list[float | None] = []
+    for begin_s, end_s in zip(begins_s, [*begins_s[1:], np.inf], strict=True):
+        inside = (time_s >= begin_s) & (time_s < end_s)
+        settled_s = settling_time(time_s[inside], below[inside]) if inside.any() else None
+        times.append(None if settled_s is None else settled_s - begin_s)
+    return tuple(times)
+
+
+def settled_at_s(run: BagRun, attitude_deg: float, rate_rad_s: float) -> float | None:
+    """Return the time from which the run is settled to its end [s], None if it is not."""
+    last_s = settling_times(run, attitude_deg, rate_rad_s)[-1]
+    return None if last_s is None else _begins_s(run)[-1] + last_s
+
+
+def _begins_s(run: BagRun) -> list[float]:
+    """Return when there was something new to do: at the start and at each later setpoint [s].
+
+    A setpoint is published again where the controller does not hear it at once: same time.
+    """
+    return [0.0, *sorted({float(each) for each in run.setpoints.time_s if each > 0.0})]
+
+
+def violations(run: BagRun) -> int:
+    """Return how many torques and rates are beyond the controller's limits by more than 1 %."""
+    if run.scenario is None:
+        return 0
+    config = run.scenario.controller_config.mpc
+    return _beyond(run.commands.torque_B_n_m, config.max_torque_n_m) \
+        + _beyond(run.states.omega_BN_B, config.max_rate_rad_s)
+
+
+def _beyond(values: FloatArray, limit: FloatArray | None) -> int:
+    """Return how many of n vectors (n, 3) leave a box (3,) by more than the slack."""
+    if limit is None:
+        return 0
+    return int((np.abs(values) > limit * (1.0 + SLACK)).any(axis=1).sum())
+
+
+def solve_time_p99_s(run: BagRun) -> float | None:
+    """Return the time that 99 % of the solves do not exceed [s], None without any."""
+    times = run.ticks.solve_time_s[np.isfinite(run.ticks.solve_time_s)]
+    return float(np.percentile(times, 99.0, method='higher')) if len(times) else None
+
+
+def infeasible(run: BagRun) -> int:
+    """Return the number of ticks without a plan that keeps the limits."""
+    return sum(status in ('infeasible', 'failed') for status in run.ticks.solver_status)
+
+
+def in_fallback(run: BagRun) -> int:
+    """Return the number of ticks in mode FALLBACK."""
+    return run.ticks.mode.count('FALLBACK')
+
+
+def in_coast(run: BagRun) -> int:
+    """Return the number of ticks in mode COAST."""
+    return run.ticks.mode.count('COAST')
+
+
+def unknown_ticks(run: BagRun) -> int:
+    """Return how many ticks the controller had of which the bag says nothing."""
+    return int(run.ticks.tick[-1]) - len(run.ticks) if len(run.ticks) else 0
+
+
+def refused(run: BagRun) -> int | None:
+    """Return how many messages the controller refused, None where the bag does not say.
+
+    A state that lockstep repeats because its answer takes long is answered again: no refusal.
+    """
+    if not run.ticks.last:
+        return None
+    repeats = sum(run.ticks.total(key) or 0 for key in run.ticks.last
+                  if key.startswith('refused.') and key.endswith('.duplicate'))
+    lockstep = run.scenario is not None and run.scenario.lockstep
+    return run.ticks.refused - (repeats if lockstep else 0)
+
+
+def tick_times_s(run: BagRun) -> FloatArray:
+    """Return the time of each tick since the first state (t,) [s].
+
+    In lockstep that of the state answered; else by when the controller said something about it.
+    """
+    rows = run.ticks.tick - 1
+    if run.scenario is not None and run.scenario.lockstep and len(rows) \
+            and rows[-1] < len(run.commands):
+        return np.asarray(run.commands.time_s[rows])
+    origin_ns = int(run.states.received_ns[0])
+    return np.asarray(np.interp(
+        (run.ticks.received_ns - origin_ns) / NANOSECONDS,
+        (run.states.received_ns - origin_ns) / NANOSECONDS, run.states.time_s))

@@ -1,0 +1,145 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A node that gives recorded states to a live controller and takes in its torques."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import WrenchStamped
+from rosgraph_msgs.msg import Clock
+
+from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.config.tables import CONTROLLER_NAME
+from manifold_mpc_ros.control.input_gate import NANOSECONDS
+from manifold_mpc_ros.lab.recording.bags.feed import (
+    ATTITUDE_TOPIC,
+    DIRECTION_TOPIC,
+    STATE_TOPICS,
+    Feed,
+    FeedMessage,
+)
+from manifold_mpc_ros.lab.recording.nodes.listener import Listener, Watch
+from manifold_mpc_ros.lab.recording.nodes.raw import DEEP_QOS, message_class
+from manifold_mpc_ros.nodes import messages
+
+NODE_NAME = 'bag_replayer'
+#: What has not been answered is published again after this [s of wall clock].
+AGAIN_S = 1.0
+#: Between two times on /clock [s of wall clock].
+CLOCK_PERIOD_S = 0.005
+#: A state is there before the time that makes a tick of it [s of wall clock].
+AHEAD_S = 0.002
+#: A tick comes so long after the state that it answers.
+BEHIND_NS = 1_000_000
+#: The torques of the last states are on their way for so long [s of wall clock].
+SETTLE_S = 0.5
+
+#: Told the time of the newest state since the first [s].
+Progress = Callable[[float], None]
+
+
+class Replayer(Listener):
+    """Plays a feed to the controller of a domain; ``torques`` are its answers by stamp [ns]."""
+
+    def __init__(self, domain_id: int, feed: Feed) -> None:
+        """Join the domain."""
+        super().__init__(NODE_NAME, domain_id)
+        self._feed = feed
+        self.torques: dict[int, FloatArray] = {}
+        self.controller: dict[str, str] = {}
+        kinds = {STATE_TOPICS[feed.state_kind]: feed.state_kind,
+                 ATTITUDE_TOPIC: 'geometry_msgs/msg/QuaternionStamped',
+                 DIRECTION_TOPIC: 'geometry_msgs/msg/Vector3Stamped'}
+        self._publishers: dict[str, Any] = {
+            topic: self.node.create_publisher(message_class(kind), topic, DEEP_QOS)
+            for topic, kind in kinds.items()}
+        self._clock = self.node.create_publisher(Clock, '/clock', DEEP_QOS)
+        self.node.create_subscription(
+            WrenchStamped, '/torque_command', self._on_torque, DEEP_QOS)
+        self.node.create_subscription(
+            DiagnosticArray, '/diagnostics', self._on_diagnostics, DEEP_QOS)
+
+    def __enter__(self) -> Replayer:
+        """Return the node."""
+        return self
+
+    def meet_controller(self, watch: Watch) -> None:
+        """Wait until the active controller reads the states and says how it does."""
+        states = self._publishers[STATE_TOPICS[self._feed.state_kind]]
+        self.until(lambda: bool(states.get_subscription_count())
+                   and 'setpoints' in self.controller, watch)
+
+    def in_lockstep(self, progress: Progress, watch: Watch) -> None:
+        """Give one state after the other, each when the one before has been answered.
+
+        A setpoint is given, and counted by the controller, before the state of its time.
+        """
+        setpoints = list(self._feed.setpoints)
+        for state in self._feed.states:
+            while setpoints and setpoints[0].stamp_ns <= state.stamp_ns:
+                self._give(setpoints.pop(0), self._another_setpoint(), watch)
+            self._give(state, lambda: state.stamp_ns in self.torques, watch)  # noqa: B023
+            progress((state.stamp_ns - self._feed.states[0].stamp_ns) / NANOSECONDS)
+
+    def at_pace(
+        self, rate: float, first_tick_ns: int, step_s: float, progress: Progress, watch: Watch,
+    ) -> None:
+        """Give everything when it is due, ``rate`` seconds of its time in one of wall clock.
+
+        The controller follows /clock, which starts so that the controller's ticks fall just
+        behind ``first_tick_ns`` and whole steps later, and goes on for one step at the end.
+        """
+        first_ns = self._feed.states[0].stamp_ns
+        end_ns = self._feed.states[-1].due_ns + round(step_s * NANOSECONDS)
+        waiting = sorted(self._feed.setpoints + self._feed.states, key=lambda each: each.due_ns)
+        while waiting and waiting[0].topic in (ATTITUDE_TOPIC, DIRECTION_TOPIC):
+            self._give(waiting.pop(0), self._another_setpoint(), watch)
+        begun_ns = first_tick_ns - round(step_s * NANOSECONDS) + BEHIND_NS
+        begun_s = time.monotonic()
+        now_ns = begun_ns
+        while now_ns < end_ns:
+            watch()
+            while waiting and waiting[0].due_ns <= now_ns:
+                self._publishers[waiting[0].topic].publish(waiting.pop(0).data)
+            self.spin(AHEAD_S)
+            self._clock.publish(Clock(clock=messages.to_stamp(now_ns)))
+            progress(max(0.0, min(now_ns, self._feed.states[-1].stamp_ns) - first_ns)
+                     / NANOSECONDS)
+            self.spin(CLOCK_PERIOD_S)
+            now_ns = begun_ns + round((time.monotonic() - begun_s) * rate * NANOSECONDS)
+        self.spin(SETTLE_S)
+
+    def _give(self, message: FeedMessage, taken: Callable[[], bool], watch: Watch) -> None:
+        """Publish a message until the controller has taken it."""
+        published_s = -AGAIN_S
+
+        def look() -> bool:
+            nonlocal published_s
+            now_s = time.monotonic()
+            if now_s - published_s >= AGAIN_S:
+                published_s = now_s
+                self._publishers[message.topic].publish(message.data)
+            return taken()
+
+        self.until(look, watch)
+
+    def _another_setpoint(self) -> Callable[[], bool]:
+        """Return the condition that the controller has counted one more setpoint."""
+        before = int(self.controller.get('setpoints', 0))
+        return lambda: int(self.controller.get('setpoints', 0)) > before
+
+    def _on_torque(self, message: WrenchStamped) -> None:
+        """Keep the first answer to each state."""
+        self.torques.setdefault(messages.nanoseconds(message.header.stamp),
+                                np.array(messages.from_torque(message)))
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        """Remember what the controller last said about itself."""
+        for status in message.status:
+            if status.name == CONTROLLER_NAME:
+                self.controller = {pair.key: pair.value for pair in status.values}

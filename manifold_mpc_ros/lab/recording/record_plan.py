@@ -1,0 +1,106 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a recording needs of its scenario: parameter files, topics, links between the nodes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+from manifold_mpc_ros.config.parameter import Value
+from manifold_mpc_ros.config.tables import CONTROLLER_NAME, SIMULATOR_NAME
+from manifold_mpc_ros.lab.recording.scenarios.parts import LinkFault
+from manifold_mpc_ros.lab.recording.scenarios.scenario import Scenario
+
+ODOMETRY, IMU = 'nav_msgs/msg/Odometry', 'sensor_msgs/msg/Imu'
+WRENCH, PATH = 'geometry_msgs/msg/WrenchStamped', 'nav_msgs/msg/Path'
+#: What a topic is called behind a link.
+BEHIND = '_link'
+OTHERS = {
+    '/attitude_setpoint': 'geometry_msgs/msg/QuaternionStamped',
+    '/direction_setpoint': 'geometry_msgs/msg/Vector3Stamped',
+    '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
+    '/clock': 'rosgraph_msgs/msg/Clock',
+    f'/{CONTROLLER_NAME}/transition_event': 'lifecycle_msgs/msg/TransitionEvent',
+    f'/{SIMULATOR_NAME}/transition_event': 'lifecycle_msgs/msg/TransitionEvent',
+}
+PREDICTION = f'/{CONTROLLER_NAME}/prediction'
+
+
+@dataclass(frozen=True)
+class LinkPlan:
+    """One link: the topic before it, the type, and what goes wrong on it."""
+
+    source: str
+    kind: str
+    fault: LinkFault
+
+    @property
+    def target(self) -> str:
+        """The topic behind it."""
+        return self.source + BEHIND
+
+
+@dataclass(frozen=True)
+class RecordPlan:
+    """How a scenario is brought onto a domain."""
+
+    scenario: Scenario
+
+    @property
+    def state_topic(self) -> str:
+        """The topic that the simulator publishes the controller's state on."""
+        return f'/{self.scenario.controller_parameters["state_source"]}'
+
+    @property
+    def links(self) -> dict[str, LinkPlan]:
+        """The links, by node whose input they are.
+
+        The state passes a link also where lockstep has to hold it back until a later setpoint
+        has reached the controller, so that every run has the same setpoint at the same tick.
+        """
+        faults, links = self.scenario.faults, {}
+        later = any(setpoint.at_s > 0.0 for setpoint in self.scenario.setpoints)
+        if faults.state_link.acts or (later and self.scenario.lockstep):
+            kind = IMU if self.state_topic == '/imu' else ODOMETRY
+            links[CONTROLLER_NAME] = LinkPlan(self.state_topic, kind, faults.state_link)
+        if faults.command_link.acts:
+            links[SIMULATOR_NAME] = LinkPlan('/torque_command', WRENCH, faults.command_link)
+        return links
+
+    @property
+    def stamped(self) -> dict[str, str]:
+        """Topics by name with their type whose stamps are simulated time."""
+        behind = {link.target: link.kind for link in self.links.values()}
+        return {'/odometry': ODOMETRY, '/imu': IMU, '/torque_command': WRENCH, PREDICTION: PATH,
+                **behind}
+
+    @property
+    def others(self) -> dict[str, str]:
+        """The other topics that are there from the start."""
+        return OTHERS
+
+    @property
+    def roles(self) -> dict[str, str]:
+        """What `TopicNames` cannot know."""
+        link = self.links.get(CONTROLLER_NAME)
+        return {'state': self.state_topic, 'received_state': link.target if link else ''}
+
+    def arguments(self, node: str, folder: Path) -> list[str]:
+        """Write the parameter file of a node; return the ROS arguments to start it with."""
+        controller = node == CONTROLLER_NAME
+        values: dict[str, Value] = dict(
+            self.scenario.controller_parameters if controller
+            else self.scenario.simulator_parameters)
+        if controller:
+            values['use_sim_time'] = self.scenario.use_sim_time
+        path = folder / f'{node}.yaml'
+        path.write_text(yaml.safe_dump({f'/**/{node}': {'ros__parameters': values}}),
+                        encoding='utf-8')
+        arguments = ['--params-file', str(path)]
+        link = self.links.get(node)
+        if link is not None:
+            arguments += ['-r', f'{link.source.lstrip("/")}:={link.target}']
+        return arguments

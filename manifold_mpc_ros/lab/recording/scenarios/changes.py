@@ -1,0 +1,46 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Changes to a node's shipped parameters inside a larger file, checked by the node's own table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar
+
+from manifold_mpc_ros.config.parameter import ParameterSpec, Value, refuse_unknown
+from manifold_mpc_ros.config.yaml_file import flatten_parameters
+from manifold_mpc_ros.errors import ConfigurationError
+
+Built = TypeVar('Built')
+
+
+def parameter_changes(
+    node: str, specs: Sequence[ParameterSpec], given: Mapping[str, Any],
+    decided: Mapping[str, str],
+) -> dict[str, Value]:
+    """Return the checked changes to one node's parameters by dotted name.
+
+    ``decided`` maps the parameters that are not to be given to what decides them.
+
+    Raises
+    ------
+    ConfigurationError
+        For an unknown or decided parameter or an invalid value, ``node`` before its name.
+
+    """
+    def read() -> dict[str, Value]:
+        flat = flatten_parameters(given)
+        for name, by in decided.items():
+            if name in flat:
+                raise ConfigurationError(name, flat[name], f'left out: {by} decides it')
+        refuse_unknown(specs, flat)
+        return {spec.name: spec.check(flat[spec.name]) for spec in specs if spec.name in flat}
+    return named(node, read)
+
+
+def named(group: str, build: Callable[[], Built]) -> Built:
+    """Return what ``build()`` returns; errors carry the group's name before the key's."""
+    try:
+        return build()
+    except ConfigurationError as error:
+        raise ConfigurationError(f'{group}.{error.key}', error.value, error.valid) from None

@@ -1,0 +1,155 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The phases as C: each expression printed once, its loop over stages in vector lanes or serial.
+
+Stages lie in blocks of ``LANES``; within a block every row of every field holds one number per
+lane, so a phase whose stages are independent handles a block per iteration with one vector load
+per row. The expression is CasADi's instruction list, one C statement per instruction, in the
+order in which the virtual machine executes it: both give the same bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import casadi as ca
+
+from manifold_mpc_ros.mpc.program import fields, options
+from manifold_mpc_ros.mpc.program.layout import first_row, memory_fields, rows_of
+from manifold_mpc_ros.mpc.program.phase import Memory, Order, Phase, Ref
+from manifold_mpc_ros.mpc.program.program import Program
+from manifold_mpc_ros.mpc.program.structure import RATE_PENALTY, TERMINAL_PENALTY
+
+_BINARY = {
+    ca.OP_ADD: '{} + {}', ca.OP_SUB: '{} - {}', ca.OP_MUL: '{} * {}', ca.OP_DIV: '{} / {}',
+    ca.OP_LT: 'm_lt({}, {})', ca.OP_LE: 'm_le({}, {})', ca.OP_EQ: 'm_eq({}, {})',
+    ca.OP_NE: 'm_ne({}, {})', ca.OP_AND: 'm_and({}, {})', ca.OP_OR: 'm_or({}, {})',
+    ca.OP_FMIN: 'm_min({}, {})', ca.OP_FMAX: 'm_max({}, {})',
+    ca.OP_IF_ELSE_ZERO: 'm_if({}, {})', ca.OP_ATAN2: 'atan2({}, {})'}
+_UNARY = {
+    ca.OP_ASSIGN: '{}', ca.OP_NEG: '-{}', ca.OP_SQ: '{0} * {0}', ca.OP_TWICE: '{0} + {0}',
+    ca.OP_INV: '1.0 / {}', ca.OP_SQRT: 'm_sqrt({})', ca.OP_FABS: 'm_abs({})',
+    ca.OP_SIGN: 'm_sign({})', ca.OP_NOT: 'm_not({})', ca.OP_LOG: 'log({})',
+    ca.OP_SIN: 'sin({})', ca.OP_COS: 'cos({})'}
+
+
+def _number(value: float) -> str:
+    return repr(float(value)) if value == value and abs(value) != float('inf') else (
+        'NAN' if value != value else ('INFINITY' if value > 0 else '-INFINITY'))
+
+
+def _place(ref: Ref, entry: int) -> tuple[str, int, int]:
+    """Return (memory's name in C, rows per stage, row) of one entry of a reference."""
+    row = first_row(ref.field) + entry
+    if ref.field.memory is Memory.GLOBAL:
+        return 'g', 1, row
+    rows = rows_of(ref.field.memory)
+    if ref.field.memory is Memory.MODEL:
+        return 'model', rows, row
+    return ('fresh' if ref.new else 'plan'), rows, row
+
+
+class _Printer:
+    """Prints one phase."""
+
+    def __init__(self, phase: Phase) -> None:
+        """Decide between lanes and one stage at a time."""
+        self._phase = phase
+        self._lanes = phase.order is Order.ALL and phase.last is None and phase.only is None
+        self._type = 'lanes' if self._lanes else 'double'
+
+    def text(self) -> str:
+        """Return the C function."""
+        function = self._phase.function
+        registers = range(function.sz_w())
+        lines = [f'static void phase_{self._phase.name}(const double *restrict plan, '
+                 'double *restrict fresh, double *restrict model, double *restrict g, long n)',
+                 '{', f'    {self._loop()}']
+        if registers:
+            lines.append(f'        {self._type} ' + ', '.join(f'w{i}' for i in registers) + ';')
+        lines += [f'        {line}' for line in self._body(function)]
+        return '\n'.join([*lines, '    }', '    (void)plan; (void)fresh; (void)model; (void)g;',
+                          '}', ''])
+
+    def _loop(self) -> str:
+        phase = self._phase
+        end = f'n + ({phase.beyond})' if phase.only is None else str(phase.only)
+        if self._lanes:
+            return f'for (long k = 0; k < {end}; k += LANES) {{'
+        begin = '0' if self._phase.last is None else f'{end} - {self._phase.last}'
+        if self._phase.order is Order.BACKWARD:
+            return f'for (long k = {end} - 1; k >= {begin}; --k) {{'
+        return f'for (long k = {begin}; k < {end}; ++k) {{'
+
+    def _body(self, function: ca.Function) -> Iterable[str]:
+        for i in range(function.n_instructions()):
+            operation = function.instruction_id(i)
+            inputs, outputs = function.instruction_input(i), function.instruction_output(i)
+            if operation == ca.OP_INPUT:
+                value = self._load(self._phase.reads[inputs[0]], inputs[1])
+            elif operation == ca.OP_OUTPUT:
+                yield self._store(self._phase.writes[outputs[0]], outputs[1], f'w{inputs[0]}')
+                continue
+            elif operation == ca.OP_CONST:
+                value = self._constant(function.instruction_constant(i))
+            elif operation in _BINARY:
+                value = _BINARY[operation].format(*(f'w{j}' for j in inputs))
+            else:
+                value = _UNARY[operation].format(f'w{inputs[0]}')
+            yield f'w{outputs[0]} = {value};'
+
+    def _constant(self, value: float) -> str:
+        text = _number(value)
+        return f'splat({text})' if self._lanes else text
+
+    def _load(self, ref: Ref, entry: int) -> str:
+        memory, rows, row = _place(ref, entry)
+        if memory == 'g':
+            return f'splat(g[{row}])' if self._lanes else f'g[{row}]'
+        if not self._lanes:
+            return f'{memory}[AT({rows}, {row}, k + ({ref.shift}))]'
+        if ref.shift == 0:
+            return f'*(const lanes *)({memory} + BLOCK({rows}, {row}, k))'
+        side = {1: 'after', -1: 'before'}[ref.shift]
+        return f'{side}({memory} + BLOCK({rows}, {row}, k), {rows} * LANES)'
+
+    def _store(self, ref: Ref, entry: int, value: str) -> str:
+        memory, rows, row = _place(ref, entry)
+        if memory == 'g':
+            return f'g[{row}] = {value};'
+        if not self._lanes:
+            return f'{memory}[AT({rows}, {row}, k)] = {value};'
+        return f'*(lanes *)({memory} + BLOCK({rows}, {row}, k)) = {value};'
+
+
+def phase_code(phase: Phase) -> str:
+    """Return a phase as a static C function."""
+    return _Printer(phase).text()
+
+
+def _part_code(name: str, phases: Iterable[Phase]) -> str:
+    """Return a function that runs phases one after another."""
+    calls = ''.join(f'    phase_{phase.name}(plan, fresh, model, g, n);\n' for phase in phases)
+    return (f'static void run_{name}(const double *plan, double *fresh, double *model, '
+            f'double *g, long n)\n{{\n{calls}}}\n')
+
+
+def program_code(program: Program) -> str:
+    """Return the whole solver as one C file: layout, rules, phases, parts and the driver."""
+    phases = {phase.name: phase for part in program for phase in part}
+    rows = {field.name.upper(): first_row(field)
+            for field in (*memory_fields(Memory.GLOBAL), fields.LEAN, fields.INNER, fields.LATER,
+                          fields.TORQUE)}
+    sizes = {f'{memory.name}_ROWS': rows_of(memory) for memory in Memory}
+    defines = {**rows, **sizes,
+               **{name: _number(value) for name, value in options.constants().items()},
+               'RATE_PENALTY': RATE_PENALTY, 'TERMINAL_PENALTY': TERMINAL_PENALTY}
+    here = Path(__file__).resolve().parent
+    return '\n'.join([
+        (here / 'lanes.h').read_text(encoding='utf-8'),
+        *(f'#define {name} {value}' for name, value in defines.items()),
+        f'#define WARM_STARTS {options.warm_starts()}', '',
+        *(phase_code(phase) for phase in phases.values()),
+        *(_part_code(name, part) for name, part in program._asdict().items()),
+        (here / 'driver.c').read_text(encoding='utf-8')])

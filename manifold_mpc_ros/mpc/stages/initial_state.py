@@ -1,0 +1,60 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""From what was measured to the solver's start: the error's quaternion and the momentum."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from manifold_mpc_ros.lie.symbolic import quaternion_from_rotation, rotation_from_quaternion
+from manifold_mpc_ros.mpc.program import fields as f
+from manifold_mpc_ros.mpc.program.phase import Field, Phase, Read, phase
+from manifold_mpc_ros.mpc.program.structure import Structure
+from manifold_mpc_ros.mpc.scaling import Parameters, unpack
+from manifold_mpc_ros.mpc.stages.barrier import largest, least, most
+
+
+def row_by_row(entries: ca.SX) -> ca.SX:
+    """Return the matrix (3, 3) of nine entries, row by row."""
+    return ca.reshape(entries, 3, 3).T
+
+
+def _defect(rotation: ca.SX) -> ca.SX:
+    """Return how far a matrix (3, 3) is from SO(3): ``max |R^T R - I|``, 2 with det < 0."""
+    orthogonality = largest(ca.vec(rotation.T @ rotation - ca.SX.eye(3)))
+    return ca.fmax(orthogonality, ca.if_else(ca.det(rotation) > 0, 0, 2))
+
+
+def _hardness(structure: Structure, v: ca.SX, omega: ca.SX, p: Parameters
+              ) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Return braking angle, second torque and weakness (see `solver.Measure`)."""
+    if not structure.torque_box:
+        return ca.SX(0), ca.SX(1), ca.SX(1)
+    axis = v / ca.sqrt(ca.dot(v, v) + 1e-30)
+    effort = ca.fabs(p.inertia @ axis / p.max_torque)
+    highest, lowest = most(effort), least(effort)
+    second = ca.sum1(effort) - highest - lowest
+    quickest = most(p.max_torque / ca.diag(p.inertia))
+    braking = ca.norm_2(omega) * most(ca.fabs(p.inertia @ omega / p.max_torque)) / 2
+    return braking, second / highest, quickest * highest
+
+
+def measure_phase(structure: Structure) -> Phase:
+    """Map (R_NB, R_ND, omega) to the start and to what decides whether it can be used."""
+    def expression(read: Read) -> dict[Field, ca.SX]:
+        p, measured = unpack(read(f.PARAMETER)), read(f.MEASURED)
+        attitude, target = row_by_row(measured[0:9]), row_by_row(measured[9:18])
+        momentum = p.inertia @ measured[18:21]
+        q = quaternion_from_rotation(target.T @ attitude)
+        v = q[1:4]
+        angle = 2 * ca.atan2(ca.sqrt(ca.dot(v, v)), q[0])
+        if structure.pointing:
+            gamma, axis = rotation_from_quaternion(q).T @ p.pointing_axis, p.pointing_axis
+            across = ca.cross(gamma, axis)
+            angle = ca.atan2(ca.sqrt(ca.dot(across, across)), ca.dot(gamma, axis))
+        return {f.START: ca.vertcat(q, momentum),
+                f.MEASURE: ca.vertcat(ca.fmax(_defect(attitude), _defect(target)),
+                                      ca.dot(momentum, momentum), angle,
+                                      *_hardness(structure, v, measured[18:21], p))}
+
+    return phase('measure', expression, only=1)

@@ -1,0 +1,146 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The trial of a pass: a new trajectory, its inequalities, its cost, and whether it is sound.
+
+The steps turn by the increments of the linear roll-out; torques, momenta and attitudes follow
+from them without solving anything, so every trial is a true trajectory of the LGVI.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from manifold_mpc_ros.lie.symbolic import quaternion_product, rotation_from_quaternion
+from manifold_mpc_ros.mpc.program import fields as f
+from manifold_mpc_ros.mpc.program.phase import Field, Order, Phase, Read, phase
+from manifold_mpc_ros.mpc.program.structure import RATE_PENALTY, TERMINAL_PENALTY, Structure
+from manifold_mpc_ros.mpc.scaling import unpack
+from manifold_mpc_ros.mpc.stages import merit
+from manifold_mpc_ros.mpc.stages import step_derivatives as form
+from manifold_mpc_ros.mpc.stages.barrier import (
+    BOUNDARY,
+    advance_elastic,
+    advance_multiplier,
+    box,
+    elastic_bounds,
+    hard_bounds,
+    least,
+    product,
+)
+from manifold_mpc_ros.mpc.stages.implicit_step import implicit_step
+from manifold_mpc_ros.mpc.stages.terminal import form_of
+
+# A step may turn by at most this much in one trial [rad]: it stays on its branch.
+_LARGEST_TURN = 1.0
+
+
+def _turned_step(step: ca.SX, beta: ca.SX) -> ca.SX:
+    """Return ``cay(beta / 2) step`` as a unit quaternion, ``exp(beta) step`` to second order."""
+    longer = quaternion_product(ca.vertcat(1, beta / 2), step)
+    return longer / ca.sqrt(ca.dot(longer, longer))
+
+
+def turn_phase(structure: Structure) -> Phase:
+    """Turn every step by its increment: momenta at its ends, and whether it is sound."""
+    field, increment = (f.STEP, f.CONTROL) if structure.symmetric else (f.FREE, f.MOVE)
+
+    def expression(read: Read) -> dict[Field, ca.SX]:
+        p = unpack(read(f.PARAMETER))
+        g = rotation_from_quaternion(read(f.ATTITUDE))
+        beta = read(f.LENGTH) * (g.T @ read(increment))
+        step = _turned_step(read(field), beta)
+        after, before = form.momenta(step, p.inertia)
+        sound = ca.fmin(form.principal(step, p.inertia), _LARGEST_TURN ** 2 - ca.dot(beta, beta))
+        writes = {field: step, f.MOMENTUM_BEFORE: before, f.SOUND_STEP: sound}
+        return writes | {f.MOMENTUM_AFTER if structure.symmetric else f.MOMENTUM: after}
+
+    return phase('turn', expression, beyond=0 if structure.symmetric else 1)
+
+
+def chain_phase(structure: Structure) -> Phase:
+    """Chain the steps: attitudes, and momenta with symmetric forcing."""
+    def expression(read: Read) -> dict[Field, ca.SX]:
+        node = ca.if_else(read(f.LATER) != 0, read(f.CHAIN), read(f.START))
+        q, momentum = node[0:4], node[4:7]
+        if structure.symmetric:
+            after = read(f.MOMENTUM_AFTER) + read(f.MOMENTUM_BEFORE) - momentum
+            return {f.ATTITUDE: q, f.MOMENTUM: momentum, f.CHAIN: ca.vertcat(
+                quaternion_product(q, read.new(f.STEP)), after)}
+        return {f.ATTITUDE: q, f.CHAIN: ca.vertcat(
+            quaternion_product(q, read.new(f.FREE)), momentum)}
+
+    return phase('chain', expression, order=Order.FORWARD, beyond=1)
+
+
+def node_phase(structure: Structure) -> Phase:
+    """Free step, rate limits and cost of a node."""
+    def expression(read: Read) -> dict[Field, ca.SX]:
+        p, mu, alpha = unpack(read(f.PARAMETER)), read(f.BARRIER), read(f.LENGTH)
+        momentum, sound = read.new(f.MOMENTUM), ca.SX(1)
+        writes: dict[Field, ca.SX] = {}
+        if structure.symmetric:
+            free, sound = implicit_step(momentum, p, read(f.FREE))
+            writes[f.FREE] = free
+        else:
+            free = read.new(f.FREE)
+        cost = read(f.INNER) * merit.state_cost(read.new(f.ATTITUDE), free, p)
+        if structure.rate_box:
+            moved = read(f.MOVE) if structure.symmetric else (
+                ca.reshape(read(f.AFTER), 3, 3) @ read(f.MOVE))
+            predicted = alpha * (p.inertia_inverse @ moved) / p.max_rate
+            ratio = p.inertia_inverse @ (momentum - read(f.MOMENTUM)) / p.max_rate
+            t = read(f.RATE_ELASTIC)
+            bounds = elastic_bounds(read(f.RATE_SLACK), t, read(f.RATE_DUAL), mu, RATE_PENALTY)
+            y, t, s = advance_elastic(
+                bounds, ca.vertcat(ratio, -ratio), ca.vertcat(predicted, -predicted), t, alpha,
+                mu, RATE_PENALTY)
+            writes |= {f.RATE_SLACK: y, f.RATE_ELASTIC: t, f.RATE_DUAL: s}
+            writes |= merit.rate_merit(read(f.LATER), y, t)
+        return writes | {f.COST_NODE: cost, f.SOUND_NODE: sound}
+
+    return phase('node_trial', expression, beyond=1)
+
+
+def stage_phase(structure: Structure) -> Phase:
+    """Torque, torque limits and cost of a stage."""
+    def expression(read: Read) -> dict[Field, ca.SX]:
+        p = unpack(read(f.PARAMETER))
+        if structure.symmetric:
+            u = 2 * (read(f.MOMENTUM_AFTER) - read.new(f.MOMENTUM))
+        else:
+            u = read.new(f.MOMENTUM, 1) - read(f.MOMENTUM_BEFORE)
+        writes = {f.TORQUE: u, f.COST_STAGE: merit.torque_cost(u, p),
+                  f.SOUND_STAGE: read(f.SOUND_STEP, 0 if structure.symmetric else 1)}
+        if structure.torque_box:
+            mu, alpha = read(f.BARRIER), read(f.LENGTH)
+            y = read(f.TORQUE_SLACK)
+            bounds = hard_bounds(y, read(f.TORQUE_DUAL), mu)
+            ratio = alpha * read(f.TORQUE_CHANGE) / p.max_torque
+            y_new = -box(u, p.max_torque)
+            writes |= {f.TORQUE_SLACK: y_new, f.SLACKS_STAGE: product(y_new),
+                       f.TORQUE_DUAL: advance_multiplier(
+                           bounds, ca.vertcat(ratio, -ratio), alpha, mu, y_new),
+                       f.SOUND_STAGE: ca.fmin(writes[f.SOUND_STAGE], least(
+                           y_new - (1 - BOUNDARY) / 2 * y))}
+        return writes
+
+    return phase('stage_trial', expression)
+
+
+def terminal_phase(structure: Structure) -> Phase:
+    """Terminal cost and set; the sums over the stages start here."""
+    def expression(read: Read) -> dict[Field, ca.SX]:
+        p, mu, alpha = unpack(read(f.PARAMETER)), read(f.BARRIER), read(f.LENGTH)
+        new = form_of(read.new(f.ATTITUDE), read.new(f.FREE), structure.pointing, p)
+        if not structure.terminal_set:
+            return {f.SUMS: ca.vertcat(new / 2, 0, 1)}
+        old = form_of(read(f.ATTITUDE), read(f.FREE), structure.pointing, p)
+        y, t, s = ca.vertsplit(read(f.LEVEL))
+        bounds = elastic_bounds(y, t, s, mu, TERMINAL_PENALTY)
+        predicted = alpha * 2 * ca.dot(read(f.FORM_GRADIENT), ca.vertcat(
+            read(f.TURN), read(f.MOVE))) / p.terminal_level
+        level = advance_elastic(bounds, (new - old) / p.terminal_level, predicted, t, alpha, mu,
+                                TERMINAL_PENALTY)
+        return {f.LEVEL: ca.vertcat(*level), f.SUMS: merit.terminal_sums(new, *level[:2])}
+
+    return phase('terminal_trial', expression, beyond=1, last=1)

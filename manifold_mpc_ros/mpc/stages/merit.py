@@ -1,0 +1,59 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Costs, penalties and barrier terms, and their sums over a trajectory."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from manifold_mpc_ros.lie.symbolic import trace_hessian
+from manifold_mpc_ros.mpc.program import fields as f
+from manifold_mpc_ros.mpc.program.phase import Field, Order, Phase, Read, phase
+from manifold_mpc_ros.mpc.program.structure import RATE_PENALTY, TERMINAL_PENALTY, Structure
+from manifold_mpc_ros.mpc.scaling import Parameters
+from manifold_mpc_ros.mpc.stages.barrier import product
+from manifold_mpc_ros.mpc.stages.quadratic_model import where
+
+
+def state_cost(q: ca.SX, free: ca.SX, p: Parameters) -> ca.SX:
+    """Return ``tr(Qg (I - g)) + tr(Qf (I - f))`` without cancellation near the identity.
+
+    For a unit quaternion (w, v) and symmetric Q, ``tr(Q (I - R)) = 2 v^T (tr(Q) I - Q) v``.
+    """
+    v, c = q[1:4], free[1:4]
+    return 2 * (ca.dot(v, trace_hessian(p.attitude_weight) @ v)
+                + ca.dot(c, trace_hessian(p.rate_weight) @ c))
+
+
+def torque_cost(u: ca.SX, p: Parameters) -> ca.SX:
+    """Return ``tr(hat(u)^T R hat(u)) / 2 = u^T (tr(R) I - R) u / 2``."""
+    return ca.dot(u, p.torque_hessian @ u) / 2
+
+
+def rate_merit(later: ca.SX, y: ca.SX, t: ca.SX) -> dict[Field, ca.SX]:
+    """Return penalty and barrier product of a node's rate limits; neutral at k = 0."""
+    return {f.PENALTY_NODE: where(later, RATE_PENALTY * ca.sum1(t)),
+            f.SLACKS_NODE: ca.if_else(later != 0, product(ca.vertcat(y, t)), 1)}
+
+
+def terminal_sums(value: ca.SX, y: ca.SX, t: ca.SX) -> ca.SX:
+    """Return the terminal share of cost and logarithms; ``value`` is ``xi^T P xi``."""
+    return ca.vertcat(value / 2 + TERMINAL_PENALTY * t, ca.log(y * t), 1)
+
+
+def gather_phase(structure: Structure) -> Phase:
+    """Add up cost with penalties and logarithms; keep the least soundness. From N - 1 back."""
+    def expression(read: Read) -> dict[Field, ca.SX]:
+        sums = read(f.SUMS)
+        cost = read(f.COST_NODE) + read(f.COST_STAGE)
+        sound = ca.fmin(ca.fmin(read(f.SOUND_NODE), read(f.SOUND_NODE, 1)), read(f.SOUND_STAGE))
+        slacks = ca.SX(1)
+        if structure.rate_box:
+            cost += read(f.PENALTY_NODE, 1)
+            slacks *= read(f.SLACKS_NODE, 1)
+        if structure.torque_box:
+            slacks *= read(f.SLACKS_STAGE)
+        logs = ca.log(slacks) if structure.rate_box or structure.torque_box else ca.SX(0)
+        return {f.SUMS: ca.vertcat(sums[0] + cost, sums[1] + logs, ca.fmin(sums[2], sound))}
+
+    return phase('gather', expression, order=Order.BACKWARD)

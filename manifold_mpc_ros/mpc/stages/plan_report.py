@@ -1,0 +1,73 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the caller of a solve wants to know of a plan, in the caller's frames."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from manifold_mpc_ros.lie.symbolic import rotation_from_quaternion
+from manifold_mpc_ros.mpc.program import fields as f
+from manifold_mpc_ros.mpc.program.phase import Field, Order, Phase, Read, phase
+from manifold_mpc_ros.mpc.program.structure import Structure
+from manifold_mpc_ros.mpc.scaling import unpack
+from manifold_mpc_ros.mpc.stages import merit
+from manifold_mpc_ros.mpc.stages.barrier import most
+from manifold_mpc_ros.mpc.stages.initial_state import row_by_row
+from manifold_mpc_ros.mpc.stages.terminal import form_of
+
+
+def report_phases(structure: Structure) -> tuple[Phase, ...]:
+    """Return the phases that describe a plan."""
+    return (_first_phase(structure), _violation_phase(structure), _last_phase(structure),
+            _pose_phase())
+
+
+def _level(structure: Structure, read: Read) -> ca.SX:
+    """Return ``xi^T P xi / c`` of a node."""
+    p = unpack(read(f.PARAMETER))
+    return form_of(read(f.ATTITUDE), read(f.FREE), structure.pointing, p) / p.terminal_level
+
+
+def _first_phase(structure: Structure) -> Phase:
+    """Cost of the first stage, level of the first node."""
+    def expression(read: Read) -> dict[Field, ca.SX]:
+        p = unpack(read(f.PARAMETER))
+        cost = merit.state_cost(read(f.ATTITUDE), read(f.FREE), p)
+        return {f.FIRST_COST: cost + merit.torque_cost(read(f.TORQUE), p),
+                f.FIRST_LEVEL: _level(structure, read), f.EXCESS: ca.SX.zeros(2)}
+
+    return phase('report_first', expression, only=1)
+
+
+def _violation_phase(structure: Structure) -> Phase:
+    """Sum and largest of the relative violations of rate limits, from k = 1."""
+    def expression(read: Read) -> dict[Field, ca.SX]:
+        excess = read(f.EXCESS)
+        if not structure.rate_box:
+            return {f.EXCESS: excess}
+        t = read(f.RATE_ELASTIC, 1)
+        return {f.EXCESS: ca.vertcat(excess[0] + ca.sum1(t), ca.fmax(excess[1], most(t)))}
+
+    return phase('report_violation', expression, order=Order.FORWARD)
+
+
+def _last_phase(structure: Structure) -> Phase:
+    """Level of the last node, and by how much it misses the terminal set."""
+    def expression(read: Read) -> dict[Field, ca.SX]:
+        missed = read(f.LEVEL)[1] if structure.terminal_set else ca.SX(0)
+        return {f.LAST_LEVEL: _level(structure, read), f.MISSED: missed}
+
+    return phase('report_last', expression, beyond=1, last=1)
+
+
+def _pose_phase() -> Phase:
+    """Attitude R_NB, row by row, and dimensionless rate of every node."""
+    def expression(read: Read) -> dict[Field, ca.SX]:
+        p = unpack(read(f.PARAMETER))
+        attitude = row_by_row(read(f.MEASURED)[9:18]) @ rotation_from_quaternion(
+            read(f.ATTITUDE))
+        return {f.POSE: ca.vertcat(ca.vec(attitude.T),
+                                   p.inertia_inverse @ read(f.MOMENTUM))}
+
+    return phase('report_pose', expression, beyond=1)

@@ -1,0 +1,71 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the controller says about a command on /diagnostics."""
+
+from __future__ import annotations
+
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from manifold_mpc_ros.control.control_loop import Command, ControlLoop
+from manifold_mpc_ros.control.decrease_record import Verdict
+from manifold_mpc_ros.control.modes import Mode
+from manifold_mpc_ros.nodes.managed_node import Status
+
+_LEVELS = {
+    Mode.NOMINAL: DiagnosticStatus.OK,
+    Mode.WAIT: DiagnosticStatus.WARN,
+    Mode.PAUSED: DiagnosticStatus.WARN,
+    Mode.HOLD: DiagnosticStatus.WARN,
+    Mode.FALLBACK: DiagnosticStatus.WARN,
+    Mode.STOPPING: DiagnosticStatus.WARN,
+    Mode.COAST: DiagnosticStatus.ERROR,
+    Mode.FAULT: DiagnosticStatus.ERROR,
+}
+
+
+def status_of(command: Command | None, loop: ControlLoop, waiting: str) -> Status:
+    """Return the status after a command; ``waiting`` says what a first state waits for."""
+    if command is None:
+        return Status(DiagnosticStatus.WARN, waiting, {
+            'mode': Mode.WAIT.value, 'command_source': 'zero'})
+    first = command.mode is Mode.WAIT and loop.state_stamp_ns is None
+    status = Status(_LEVELS[command.mode], waiting if first else command.reason, {
+        'mode': command.mode.value,
+        'command_source': command.source,
+        'setpoint': 'commanded' if loop.commanded else 'initial',
+        'commands_saturated': loop.output.saturated,
+        'commands_not_finite': loop.output.not_finite,
+    })
+    solution = command.solution
+    if solution is not None:
+        status.values.update(
+            solver_status=solution.status.value, iterations=solution.iterations,
+            solve_time_us=solution.solve_time_s * 1e6, cost=float(solution.cost))
+    if command.promise is not None:
+        _add_promise(status, command)
+    return status
+
+
+def _add_promise(status: Status, command: Command) -> None:
+    """Add to a status what became of the promise of the last tick, and the warning if due."""
+    record = command.promise
+    assert record is not None
+    words = {None: 'unknown', True: 'true', False: 'false'}
+    why_none = f' ({record.reason})' if record.verdict is Verdict.NONE else ''
+    status.values.update(
+        value_function=record.value, promised_value=record.promised,
+        decrease_excess=record.excess, relative_excess=record.relative_excess,
+        promise=record.verdict.value + why_none,
+        in_domain_of_attraction=words[record.in_domain],
+        in_terminal_set=words[record.in_terminal_set],
+        promises_made=record.counters.made, promises_checked=record.counters.checked,
+        promises_broken=record.counters.broken,
+        largest_relative_excess=record.counters.largest_excess,
+        ticks_outside_domain=record.counters.outside_domain)
+    if record.in_domain is False and command.solution is not None:
+        status.level = max(status.level, DiagnosticStatus.WARN)
+        status.message += ' (no plan keeps the rate limits and reaches the terminal set)'
+    if record.warning:
+        status.level = max(status.level, DiagnosticStatus.WARN)
+        before = '' if command.mode is Mode.NOMINAL else f'{status.message}; '
+        status.message = before + record.warning

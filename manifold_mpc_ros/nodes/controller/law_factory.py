@@ -1,0 +1,76 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""From a solver and a controller's configuration to the law that its loop works with."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+
+from manifold_mpc_ros.config.controller import ControllerConfig
+from manifold_mpc_ros.control.control_loop import Law
+from manifold_mpc_ros.control.decrease_monitor import monitor_for
+from manifold_mpc_ros.control.exit_with_parent import end_with_parent
+from manifold_mpc_ros.control.solver_thread import (
+    DirectPlanner,
+    Planner,
+    Solver,
+    ThreadPlanner,
+    solve_with,
+)
+from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
+from manifold_mpc_ros.terminal.design import TerminalDesign
+
+#: Part of a tick that a plan may take; then the tick goes on without it.
+SOLVER_BUDGET = 0.6
+#: Part of a tick after which the solver hands over the best that it has.
+SOLVER_TIME = 0.5
+#: A process that builds a solver in the background is this much nicer than the node.
+BUILDER_NICENESS = 10
+
+
+def law_with(
+    solver: AttitudeMpc, config: ControllerConfig, prepare: Callable[[], None],
+) -> Law:
+    """Return the law of a solver; ``prepare`` runs first in the solver's thread."""
+    monitor = monitor_for(
+        config.mpc, solver.terminal.P, decrease_tolerance=config.decrease_tolerance,
+        attitude_noise_rad=config.attitude_noise_rad)
+    return Law(config.mpc, planner_for(solver, config, prepare), config.state_timeout_s, monitor,
+               solver.backend)
+
+
+def planner_for(
+    solver: Solver, config: ControllerConfig, prepare: Callable[[], None],
+) -> Planner:
+    """Return what asks a solver: within its budget, or in lockstep however long it takes."""
+    if config.lockstep:
+        return DirectPlanner(solve_with(solver))
+    step_s = config.mpc.step_s
+    return ThreadPlanner(
+        solve_with(solver, SOLVER_TIME * step_s), SOLVER_BUDGET * step_s, prepare)
+
+
+def designed_elsewhere(config: ControllerConfig) -> TerminalDesign:
+    """Design the terminal set and build the solver in a process of its own.
+
+    What is left to do here is to load the solver; both hold up the other threads of a process.
+    """
+    with ProcessPoolExecutor(
+            max_workers=1, mp_context=get_context('spawn'), initializer=_stand_back) as pool:
+        return pool.submit(_design, config).result()
+
+
+def _stand_back() -> None:
+    """Leave with the parent, and to it signals of a terminal and the processor."""
+    end_with_parent()
+    os.nice(BUILDER_NICENESS)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _design(config: ControllerConfig) -> TerminalDesign:
+    """Return the terminal design; the built solver stays in the cache on disk."""
+    return AttitudeMpc(config.mpc, backend=config.backend).terminal

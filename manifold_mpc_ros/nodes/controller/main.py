@@ -1,0 +1,39 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The executable ``controller``: the node attitude_controller in a process of its own."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
+from manifold_mpc_ros.nodes.process import run
+from manifold_mpc_ros.nodes.usage import Program
+
+PROGRAM = Program(
+    executable='controller',
+    node_name=CONTROLLER_NAME,
+    summary='Rotate a spacecraft from any attitude to the commanded one, by model predictive '
+            'control on SO(3).',
+    parameters=CONTROLLER_PARAMETERS,
+    interfaces=(
+        ('odometry', 'nav_msgs/msg/Odometry', 'in: attitude (pose), body rate (twist)'),
+        ('imu', 'sensor_msgs/msg/Imu', 'in, instead: with state_source imu'),
+        ('attitude_setpoint', 'geometry_msgs/msg/QuaternionStamped', 'in: commanded attitude'),
+        ('torque_command', 'geometry_msgs/msg/WrenchStamped', 'out: body torque [N m]'),
+        ('~/prediction', 'nav_msgs/msg/Path', 'out: predicted attitudes'),
+        ('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'out: mode, solver, refusals'),
+        ('~/reset', 'std_srvs/srv/Trigger', 'forget state, setpoint and warm start'),
+        ('~/pause', 'std_srvs/srv/SetBool', 'true: command zero torque'),
+    ),
+)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the controller; return the exit status."""
+    return run(PROGRAM, 'manifold_mpc_ros.nodes.controller.node:AttitudeControllerNode', argv)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

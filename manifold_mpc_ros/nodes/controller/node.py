@@ -1,0 +1,299 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The node attitude_controller: messages and timers around `ControlLoop`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import QuaternionStamped, Vector3Stamped, WrenchStamped
+from nav_msgs.msg import Odometry, Path
+from rclpy.duration import Duration
+from sensor_msgs.msg import Imu
+
+from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.config.controller import ControllerConfig
+from manifold_mpc_ros.config.parameter import Value
+from manifold_mpc_ros.control.control_loop import Command, ControlLoop, Law
+from manifold_mpc_ros.control.input_gate import (
+    NANOSECONDS,
+    RawState,
+    Reason,
+    Refusal,
+    StateGate,
+    admit_direction,
+    admit_setpoint,
+)
+from manifold_mpc_ros.errors import ManifoldMpcError
+from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
+from manifold_mpc_ros.mpc.target import attitude_towards
+from manifold_mpc_ros.nodes import messages
+from manifold_mpc_ros.nodes.controller.diagnostics import status_of
+from manifold_mpc_ros.nodes.controller.law_factory import law_with
+from manifold_mpc_ros.nodes.controller.realtime import Realtime
+from manifold_mpc_ros.nodes.controller.run_time_parameters import LawChanges
+from manifold_mpc_ros.nodes.controller.tick_timing import AnswerTiming, TickTiming, arrival_s
+from manifold_mpc_ros.nodes.managed_node import INPUT_QOS, STATE_QOS, ManagedNode, Status
+from manifold_mpc_ros.nodes.publisher_watch import WriterWatch
+from manifold_mpc_ros.nodes.usage import Program
+from manifold_mpc_ros.terminal.design import TerminalDesign
+
+#: Zero commands at the end of activity: one may be lost, three in a row hardly.
+FINAL_ZEROS = 3
+#: Longest wait for reliable readers to have them [s].
+LONGEST_ACK_S = 0.2
+#: Diagnostics of ticks that bring nothing new are no closer than this, but in lockstep [s].
+DIAGNOSTICS_GAP_S = 0.1
+
+
+class AttitudeControllerNode(ManagedNode):
+    """States and setpoints in, one torque per tick out.
+
+    A tick is due every ``mpc.step_s`` of the node's clock; in lockstep it is due when a new state
+    comes, and a state that is repeated gets the same answer again. Parameters that may change
+    make another law in the background, which takes over between two ticks.
+    """
+
+    def __init__(self, program: Program, *, complete: bool) -> None:
+        """Declare parameters and the interfaces that exist in every lifecycle state."""
+        super().__init__(program, complete=complete)
+        self._changes = LawChanges(self._table, self._build_law)
+
+    def build(self, values: Mapping[str, Value]) -> None:
+        """Design and build the solver, then the interfaces."""
+        config = ControllerConfig.from_parameters(values)
+        self._config = config
+        self._changes.begin(dict(values))
+        self._simulated_time = False
+        self._realtime = Realtime(config.scheduler_priority, lock_memory=config.lock_memory)
+        self._law = self._build_law(config)
+        self._loop = ControlLoop(self._law, initial_setpoint=config.initial_setpoint)
+        self._gate = StateGate(
+            config.inertial_frame_id, config.body_frame_id, step_s=config.mpc.step_s,
+            timeout_s=config.state_timeout_s, timed=not config.lockstep)
+        self._writers = WriterWatch()
+        self._command: Command | None = None
+        self._ticks = self._setpoints = 0
+        self._said: tuple[tuple[object, ...], float] = ((), 0.0)
+        self._torque = self.advertise(WrenchStamped, 'torque_command')
+        self._prediction = self.advertise(Path, '~/prediction')
+        on_state = {'odometry': (Odometry, self._on_odometry), 'imu': (Imu, self._on_imu)}
+        kind, callback = on_state[config.state_source]
+        self._inputs = [
+            self.listen(kind, config.state_source, callback, STATE_QOS),
+            self.listen(QuaternionStamped, 'attitude_setpoint', self._on_setpoint, INPUT_QOS),
+        ]
+        if config.mpc.target == 'pointing':
+            self._inputs.append(self.listen(
+                Vector3Stamped, 'direction_setpoint', self._on_direction, INPUT_QOS))
+
+    def take_down(self) -> None:
+        """Remove the interfaces; the solver goes with the loop."""
+        self._loop.close()
+        for subscription in self._inputs:
+            self.destroy_subscription(subscription)
+        for publisher in (self._torque, self._prediction):
+            self.destroy_lifecycle_publisher(publisher)
+
+    def start(self) -> None:
+        """Wait for the first state, ticking already unless in lockstep."""
+        self.reset()
+        if self._law.monitor is not None:
+            self._law.monitor.clear()
+        self._loop.logic.start()
+        self._realtime.enter()
+        if self._realtime.refusal:
+            self.get_logger().warning(self._realtime.refusal)
+        timing = AnswerTiming if self._config.lockstep else TickTiming
+        self._timing = timing(self._config.mpc.step_s)
+        self._simulated_time = bool(self.get_parameter('use_sim_time').value)
+        self._timer = None
+        if not self._config.lockstep:
+            self._timer = self.tick_every(
+                self._config.mpc.step_s, 'tick', self._on_tick, ros_time=self._simulated_time)
+
+    def stop(self) -> None:
+        """End the ticks; the last commands are zero."""
+        if self._timer is not None:
+            self.destroy_timer(self._timer)
+        command = self._loop.stopped(
+            self._now_ns() if self._command is None else self._command.stamp_ns)
+        zero = messages.to_torque(
+            command.stamp_ns, command.torque_B_n_m, self._config.body_frame_id)
+        for _ in range(FINAL_ZEROS):
+            self._torque.publish(zero)
+        self._command = command
+        self.say(self.status())
+        self._torque.wait_for_all_acked(Duration(seconds=LONGEST_ACK_S))
+
+    def reset(self) -> None:
+        """Forget states, setpoint, plan, warm start and fault."""
+        self._loop.reset()
+        self._gate.forget()
+        self._writers.forget()
+        self._command = None
+        self._last_ns = 0
+
+    def pause(self, *, paused: bool) -> None:
+        """Command zero torque, or the optimiser's again."""
+        self._loop.logic.paused = paused
+
+    def status(self) -> Status:
+        """Say the mode, where the torque comes from, how the solver and the ticks do."""
+        status = status_of(self._command, self._loop, self._waiting())
+        status.values.update(
+            ticks=self._ticks, setpoints=self._setpoints, backend=self._law.backend,
+            **self._changes.values(),
+            scheduling=self._realtime.scheduling, memory=self._realtime.memory)
+        status.values.update(self._timing.values())
+        latest_ns = self._loop.state_stamp_ns
+        if latest_ns is not None and not self._config.lockstep:
+            status.values['state_age_s'] = max(0, self._now_ns() - latest_ns) / NANOSECONDS
+        return status
+
+    def make_solver(
+        self, config: ControllerConfig, terminal: TerminalDesign | None,
+    ) -> AttitudeMpc:
+        """Design the terminal set where it is not known yet, and build or load the solver."""
+        return AttitudeMpc(config.mpc, backend=config.backend, terminal=terminal)
+
+    def _build_law(self, config: ControllerConfig, terminal: TerminalDesign | None = None) -> Law:
+        """Return what a configuration works with."""
+        solver = self.make_solver(config, terminal)
+        return law_with(solver, config, self._realtime.enter_solver_thread)
+
+    def _take_change(self) -> None:
+        """Work with the law of new parameters, if it is ready."""
+        news = self._changes.take()
+        if isinstance(news, ManifoldMpcError):
+            self.get_logger().error(f'the old parameters stay: {news}')
+        elif news is not None:
+            self._config, law = news
+            if law.monitor is not None and self._law.monitor is not None:
+                law.monitor.counters = self._law.monitor.counters
+            self._loop.exchange(law)
+            self._gate.set_timeout(self._config.state_timeout_s)
+            self._law = law
+            self.get_logger().info('new parameters are in force')
+
+    def _waiting(self) -> str:
+        """Say what the first command waits for."""
+        if self._simulated_time and self._now_ns() == 0:
+            return 'waiting for time on /clock'
+        latest = self.refusals.latest
+        refused = f' (refused: {latest})' if latest else ''
+        return f'waiting for the first valid state on {self._config.state_source}{refused}'
+
+    def _now_ns(self) -> int:
+        """Return the time of the node's clock, simulated or not."""
+        return int(self.get_clock().now().nanoseconds)
+
+    def _on_odometry(self, message: Odometry, info: Mapping[str, Any]) -> None:
+        """Take a state from odometry."""
+        self._on_state(messages.from_odometry(message), info)
+
+    def _on_imu(self, message: Imu, info: Mapping[str, Any]) -> None:
+        """Take a state from an IMU."""
+        self._on_state(messages.from_imu(message), info)
+
+    def _on_state(self, raw: RawState, info: Mapping[str, Any]) -> None:
+        """Admit a state or count its refusal; in lockstep, answer."""
+        if not self.active:
+            return
+        turns = self._writers.note(info.get('publication_sequence_number'))
+        if turns and self._inputs[0].get_publisher_count() > 1:
+            self._loop.logic.fault(f'two publishers of {self._config.state_source}')
+        admitted = self._gate.admit(raw, self._now_ns())
+        if isinstance(admitted, Refusal):
+            self.refusals.add(self._config.state_source, admitted)
+            if self._config.lockstep and admitted.reason is Reason.DUPLICATE:
+                self._publish_again(raw.stamp_ns)
+            return
+        self._loop.admit(admitted, restarted=self._gate.restarted,
+                         received_ns=None if self._simulated_time else time.monotonic_ns())
+        if self._config.lockstep:
+            begun_s = arrival_s(info)
+            self._publish(self._decided(None), begun_s)
+
+    def _on_setpoint(self, message: QuaternionStamped) -> None:
+        """Aim at a commanded attitude or count its refusal."""
+        self._aim('attitude_setpoint', admit_setpoint(
+            message.header.frame_id, messages.quaternion_values(message.quaternion),
+            self._config.inertial_frame_id))
+
+    def _on_direction(self, message: Vector3Stamped) -> None:
+        """Point the axis along a commanded direction or count its refusal."""
+        admitted = admit_direction(
+            message.header.frame_id, messages.vector_values(message.vector),
+            self._config.inertial_frame_id)
+        self._aim('direction_setpoint', admitted if isinstance(admitted, Refusal)
+                  else attitude_towards(self._config.mpc, admitted))
+
+    def _aim(self, topic: str, admitted: FloatArray | Refusal) -> None:
+        """Take a commanded attitude R_ND while active, or count why it is none."""
+        if not self.active:
+            return
+        if isinstance(admitted, Refusal):
+            self.refusals.add(topic, admitted)
+        else:
+            self._loop.aim(admitted)
+            self._setpoints += 1
+
+    def _on_tick(self) -> None:
+        """Publish the command that is due."""
+        begun_s = time.monotonic()
+        now_ns = self._now_ns()
+        if now_ns < self._last_ns:
+            self._loop.go_back()
+            self._gate.forget()
+        self._last_ns = now_ns
+        self._timing.begin(now_ns / NANOSECONDS if self._simulated_time else begun_s)
+        self._publish(self._decided(now_ns), begun_s)
+
+    def _decided(self, now_ns: int | None) -> Command:
+        """Return the command of a tick, zero where an error of our own came between."""
+        try:
+            self._take_change()
+            received = None if now_ns is None or self._simulated_time else time.monotonic_ns()
+            return self._loop.tick(now_ns, received)
+        except Exception as error:  # noqa: BLE001  (no tick without a command)
+            self.barrier.note('tick', error)
+            return self._loop.failed(now_ns or 0, str(error))
+
+    def _publish(self, command: Command, begun_s: float) -> None:
+        """Publish a command, and the prediction behind it when somebody looks."""
+        self._torque.publish(messages.to_torque(
+            command.stamp_ns, command.torque_B_n_m, self._config.body_frame_id))
+        self._timing.end(time.monotonic() - begun_s)
+        self._command = command
+        self._ticks += 1
+        promise = command.promise
+        if promise is not None and promise.burst:
+            self.get_logger().warning(f'tick {self._ticks}: {promise.reason}')
+        self._say_what_is_new(command)
+        if command.solution is not None and self._prediction.get_subscription_count() > 0:
+            pointing = self._config.mpc.target == 'pointing'
+            axis_B = self._config.mpc.pointing_axis_B if pointing else np.eye(3)[0]
+            self._prediction.publish(messages.to_path(
+                command.stamp_ns, self._config.mpc.step_s, command.solution.R_NB,
+                self._config.inertial_frame_id, axis_B))
+
+    def _say_what_is_new(self, command: Command) -> None:
+        """Publish diagnostics in lockstep, when something has changed, and now and then."""
+        promise = command.promise
+        news = (command.mode, self._setpoints, self._law,
+                promise is not None and (promise.verdict, bool(promise.warning)))
+        now_s = time.monotonic()
+        said, said_s = self._said
+        if self._config.lockstep or news != said or now_s - said_s >= DIAGNOSTICS_GAP_S:
+            self._said = news, now_s
+            self.publish_diagnostics()
+
+    def _publish_again(self, stamp_ns: int) -> None:
+        """Repeat the answer to a state that is repeated, to the bit."""
+        if self._command is not None and self._command.stamp_ns == stamp_ns:
+            self._torque.publish(messages.to_torque(
+                stamp_ns, self._command.torque_B_n_m, self._config.body_frame_id))

@@ -1,0 +1,38 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The executable ``markers``: the node attitude_markers in a process of its own."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+from manifold_mpc_ros.config.tables import MARKERS_NAME, MARKERS_PARAMETERS
+from manifold_mpc_ros.nodes.process import run
+from manifold_mpc_ros.nodes.usage import Program
+
+PROGRAM = Program(
+    executable='markers',
+    node_name=MARKERS_NAME,
+    summary='Draw the closed loop for RViz and Foxglove: body, axes, setpoint, prediction, '
+            'torque.',
+    parameters=MARKERS_PARAMETERS,
+    interfaces=(
+        ('odometry', 'nav_msgs/msg/Odometry', 'in: attitude (pose)'),
+        ('imu', 'sensor_msgs/msg/Imu', 'in, instead: with state_source imu'),
+        ('attitude_setpoint', 'geometry_msgs/msg/QuaternionStamped', 'in: commanded attitude'),
+        ('direction_setpoint', 'geometry_msgs/msg/Vector3Stamped', 'in: commanded direction'),
+        ('torque_command', 'geometry_msgs/msg/WrenchStamped', 'in: body torque [N m]'),
+        ('attitude_controller/prediction', 'nav_msgs/msg/Path', 'in: predicted attitudes'),
+        ('~/markers', 'visualization_msgs/msg/MarkerArray', 'out: only while somebody reads'),
+    ),
+)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the node; return the exit status."""
+    return run(PROGRAM, 'manifold_mpc_ros.nodes.markers.node:AttitudeMarkersNode', argv)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

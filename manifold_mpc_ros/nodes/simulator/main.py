@@ -1,0 +1,38 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The executable ``simulator``: the node lgvi_simulator in a process of its own."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+from manifold_mpc_ros.config.tables import SIMULATOR_NAME, SIMULATOR_PARAMETERS
+from manifold_mpc_ros.nodes.process import run
+from manifold_mpc_ros.nodes.usage import Program
+
+PROGRAM = Program(
+    executable='simulator',
+    node_name=SIMULATOR_NAME,
+    summary='Simulate a rigid spacecraft under torque commands, by a variational integrator on '
+            'SO(3).',
+    parameters=SIMULATOR_PARAMETERS,
+    interfaces=(
+        ('torque_command', 'geometry_msgs/msg/WrenchStamped', 'in: body torque [N m]'),
+        ('odometry', 'nav_msgs/msg/Odometry', 'out: attitude (pose), body rate (twist)'),
+        ('imu', 'sensor_msgs/msg/Imu', 'out: the same as an inertial sensor'),
+        ('/clock', 'rosgraph_msgs/msg/Clock', 'out: simulated time, with publish_clock'),
+        ('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'out: time, plant, refusals'),
+        ('~/reset', 'std_srvs/srv/Trigger', 'back to the initial attitude and rate'),
+        ('~/pause', 'std_srvs/srv/SetBool', 'true: stop simulated time'),
+    ),
+)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the simulator; return the exit status."""
+    return run(PROGRAM, 'manifold_mpc_ros.nodes.simulator.node:LgviSimulatorNode', argv)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

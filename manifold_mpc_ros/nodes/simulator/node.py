@@ -1,0 +1,221 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The node lgvi_simulator: messages, time and timers around `PlantLoop`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import WrenchStamped
+from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import Imu
+
+from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.config.control_law import SimulatorConfig
+from manifold_mpc_ros.config.parameter import Value
+from manifold_mpc_ros.control.input_gate import (
+    NANOSECONDS,
+    Reason,
+    Refusal,
+    StateSample,
+    admit_torque,
+)
+from manifold_mpc_ros.nodes import messages
+from manifold_mpc_ros.nodes.managed_node import INPUT_QOS, ManagedNode, Status
+from manifold_mpc_ros.nodes.publisher_watch import WriterWatch
+from manifold_mpc_ros.sim.pacing import Ask, FreeRun, Lockstep, Patience
+from manifold_mpc_ros.sim.plant_loop import PlantLoop
+
+#: Stamp of the first state where time is simulated; zero would mean "no time yet" in ROS.
+SIMULATED_EPOCH_NS = NANOSECONDS
+#: Shortest period of the free-running timer, and the period of looking in lockstep [s].
+SHORTEST_TIMER_S = 0.002
+LOCKSTEP_TIMER_S = 0.02
+#: A torque that answers a state of so many command lives ago has been on its way for too long.
+STALE_LIVES = 4
+
+
+class LgviSimulatorNode(ManagedNode):
+    """Torques in, states out.
+
+    Time runs freely (real time times a factor; without ``publish_clock`` stamps follow the system
+    clock), or in lockstep: one state per control period, held until its answer comes.
+    """
+
+    def build(self, values: Mapping[str, Value]) -> None:
+        """Check the configuration and make the interfaces."""
+        config = SimulatorConfig.from_parameters(values)
+        self._config = config
+        self._form = messages.StateFormat(
+            config.inertial_frame_id, config.body_frame_id,
+            config.attitude_noise_std_rad ** 2, config.rate_noise_std_rad_s ** 2)
+        self._odometry = self.advertise(Odometry, 'odometry')
+        self._imu = self.advertise(Imu, 'imu')
+        self._clock_publisher = self.advertise(Clock, '/clock') if config.publish_clock else None
+        self._torque = self.listen(WrenchStamped, 'torque_command', self._on_torque, INPUT_QOS)
+        self._writers = WriterWatch()
+
+    def take_down(self) -> None:
+        """Remove the interfaces."""
+        self.destroy_subscription(self._torque)
+        for publisher in (self._odometry, self._imu, self._clock_publisher):
+            if publisher is not None:
+                self.destroy_lifecycle_publisher(publisher)
+
+    def start(self) -> None:
+        """Put the plant into its initial state and let time begin."""
+        config = self._config
+        simulated = config.publish_clock or config.lockstep
+        self._loop = PlantLoop(
+            config, SIMULATED_EPOCH_NS if simulated else self.get_clock().now().nanoseconds)
+        self._paused = False
+        self._published: StateSample | None = None
+        self._free = FreeRun(
+            config.step_s, config.real_time_factor, may_slip=config.publish_clock)
+        self._patience = Patience(config.overdue_wait_s if config.publish_clock else 0.0)
+        self._exchange = Lockstep(config.lockstep_retry_s, config.lockstep_timeout_s)
+        if config.lockstep:
+            period_s, callback = LOCKSTEP_TIMER_S, self._on_lockstep_timer
+        else:
+            period_s = max(SHORTEST_TIMER_S, config.step_s / config.real_time_factor)
+            callback = self._on_free_timer
+            self._free.start(time.monotonic())
+            self._publish_state()
+        self._writers.forget()
+        self._timer = self.tick_every(period_s, 'plant', callback)
+
+    def stop(self) -> None:
+        """Let time end."""
+        self.destroy_timer(self._timer)
+
+    def reset(self) -> None:
+        """Put the plant back to its initial state; time goes on."""
+        self._loop.reset()
+        self._writers.forget()
+        if self._exchange.asking:
+            self._ask()
+
+    def pause(self, *, paused: bool) -> None:
+        """Stop simulated time, or let it go on."""
+        if self._paused and not paused:
+            self._free.start(time.monotonic())
+        self._paused = paused
+
+    def status(self) -> Status:
+        """Say how time goes and what has happened to the plant."""
+        mode = 'PAUSED' if self._paused else 'RUN'
+        message = 'simulated time is paused' if self._paused else 'simulated time runs'
+        if self._config.lockstep and not self._paused and self._published is None:
+            mode, message = 'WAIT', 'lockstep waits for a controller'
+        level = DiagnosticStatus.OK if mode == 'RUN' else DiagnosticStatus.WARN
+        if self._loop.latched:
+            level, message = DiagnosticStatus.ERROR, f'{self._loop.latched} (zero until ~/reset)'
+        return Status(level, message, {
+            'mode': mode,
+            'time_s': self._loop.elapsed_s,
+            'time_slipped_s': self._free.slipped_s,
+            'lockstep_repeats': self._exchange.repeats,
+            'lockstep_timeouts': self._exchange.timeouts,
+            'torque_latched': bool(self._loop.latched),
+            **self._loop.counters(),
+        })
+
+    def _on_torque(self, message: WrenchStamped, info: Mapping[str, Any]) -> None:
+        """Put a torque in force or count its refusal; in lockstep, let time go on."""
+        if not self.active:
+            return
+        turns = self._writers.note(info.get('publication_sequence_number'))
+        if turns and self._torque.get_publisher_count() > 1:
+            self._loop.latch('two publishers of torque_command')
+        torque = self._admitted(message)
+        if isinstance(torque, Refusal):
+            self.refusals.add('torque_command', torque)
+            return
+        self._loop.command(torque)
+        if self._config.lockstep and not self._paused:
+            self._exchange_next()
+
+    def _admitted(self, message: WrenchStamped) -> FloatArray | Refusal:
+        """Return the torque of a command, or why it must not act.
+
+        In lockstep it answers the state that waits. Else it may stand in for states that did not
+        come, but not for as long as four lives of a command; zero is never too old.
+        """
+        torque = admit_torque(message.header.frame_id, messages.from_torque(message),
+                              self._config.body_frame_id)
+        if isinstance(torque, Refusal):
+            return torque
+        stamp_ns = messages.nanoseconds(message.header.stamp)
+        if self._config.lockstep:
+            return torque if self._exchange.answer(stamp_ns) else Refusal(
+                Reason.UNEXPECTED_ANSWER, 'the stamp is not that of the state that waits')
+        age_s = (self._loop.stamp_ns - stamp_ns) / NANOSECONDS
+        if age_s > STALE_LIVES * self._config.command_life_s and torque.any():
+            return Refusal(Reason.STALE, f'the state it answers is {age_s:.3f} s old')
+        return torque
+
+    def _on_free_timer(self) -> None:
+        """Take the plant steps that are due, publishing the states among them."""
+        if self._paused:
+            return
+        now_s = time.monotonic()
+        for _ in range(self._free.due(now_s)):
+            if self._patience.waits(now_s, overdue=self._loop.overdue):
+                self._free.hold(now_s)
+                return
+            self._loop.advance(1)
+            self._free.took(1)
+            if self._loop.steps % self._config.steps_per_state == 0:
+                self._publish_state()
+
+    def _on_lockstep_timer(self) -> None:
+        """Ask for the first time when both ends are there; repeat, or give up waiting."""
+        if self._paused:
+            return
+        if self._published is None:
+            if self._has_controller():
+                self._ask()
+        elif not self._exchange.asking:  # answered while paused
+            self._exchange_next()
+        else:
+            ask = self._exchange.poll(time.monotonic())
+            if ask is Ask.REPEAT:
+                self._send(self._published)
+            elif ask is Ask.GIVE_UP:
+                self._loop.release()
+                self._exchange_next()
+
+    def _has_controller(self) -> bool:
+        """Whether somebody reads the state and somebody writes the torque."""
+        readers = (self._odometry.get_subscription_count()
+                   + self._imu.get_subscription_count())
+        return readers > 0 and self._torque.get_publisher_count() > 0
+
+    def _exchange_next(self) -> None:
+        """Move on by one control period and ask again."""
+        self._loop.advance(self._config.steps_per_control)
+        self._ask()
+
+    def _ask(self) -> None:
+        """Publish a new state that wants an answer."""
+        self._exchange.ask(self._loop.stamp_ns, time.monotonic())
+        self._publish_state()
+
+    def _publish_state(self) -> None:
+        """Measure and publish, then let the clock show the time of the measurement."""
+        self._published = self._loop.measure()
+        self._send(self._published)
+        if self._clock_publisher is not None:
+            self._clock_publisher.publish(
+                Clock(clock=messages.to_stamp(self._loop.stamp_ns)))
+
+    def _send(self, sample: StateSample) -> None:
+        """Publish a measurement in each form that somebody reads."""
+        if self._imu.get_subscription_count() > 0:
+            self._imu.publish(messages.to_imu(sample, self._form))
+        if self._odometry.get_subscription_count() > 0:
+            self._odometry.publish(messages.to_odometry(sample, self._form))

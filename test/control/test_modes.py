@@ -1,0 +1,252 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The mode logic: every transition by itself, and invariants over drawn histories."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
+from properties import PROPERTY
+
+from manifold_mpc_ros.control.modes import (
+    ACTING,
+    MOST_INTERNAL_ERRORS,
+    REENTRY_STATES,
+    Facts,
+    Mode,
+    ModeLogic,
+    Plan,
+)
+
+STEP_NS = 10
+TIMEOUT_NS = 50
+PROPAGATE_NS = 20
+GOOD = Facts(0, Plan.USABLE, detail='solved')
+
+
+def logic_with_state() -> ModeLogic:
+    logic = ModeLogic(STEP_NS, TIMEOUT_NS)
+    logic.see()
+    return logic
+
+
+@pytest.mark.parametrize(('facts', 'mode', 'reason'), [
+    (Facts(None), Mode.WAIT, 'waiting for the first valid state'),
+    (GOOD, Mode.NOMINAL, 'solved'),
+    (Facts(PROPAGATE_NS, Plan.USABLE), Mode.NOMINAL, ''),
+    (Facts(0, Plan.NONE, held=True, detail='late'), Mode.HOLD, 'late'),
+    (Facts(0, Plan.NONE, detail='late'), Mode.FALLBACK, 'late'),
+    (Facts(0, Plan.BEYOND_GUARD, held=True, detail='fast'), Mode.FALLBACK, 'fast'),
+    (Facts(PROPAGATE_NS + 1, held=True), Mode.HOLD, 'the state is 0.000 s old'),
+    (Facts(PROPAGATE_NS + 1, Plan.USABLE), Mode.COAST, 'the state is 0.000 s old, without a plan'),
+    (Facts(TIMEOUT_NS, held=True), Mode.HOLD, 'the state is 0.000 s old'),
+    (Facts(TIMEOUT_NS + 1, Plan.USABLE, held=True), Mode.COAST, 'the state is 0.000 s old'),
+    (Facts(3 * 10**9, held=True), Mode.COAST, 'the state is 3.000 s old'),
+])
+def test_one_tick(facts: Facts, mode: Mode, reason: str) -> None:
+    decision = logic_with_state().decide(facts)
+    assert (decision.mode, decision.reason) == (mode, reason)
+
+
+def test_a_timeout_below_two_steps_bounds_the_propagation() -> None:
+    logic = ModeLogic(STEP_NS, 15)
+    assert logic.wants_plan(15)
+    assert not logic.wants_plan(16)
+    logic.set_timeout(TIMEOUT_NS)
+    assert logic.wants_plan(PROPAGATE_NS)
+    assert not logic.wants_plan(PROPAGATE_NS + 1)
+    assert not logic.wants_plan(None)
+
+
+def test_a_lost_state_comes_back_after_five_valid_ones_in_a_row() -> None:
+    logic = logic_with_state()
+    assert logic.decide(Facts(TIMEOUT_NS + 1)).mode is Mode.COAST
+    for count in range(REENTRY_STATES - 1):
+        decision = logic.decide(GOOD)
+        assert decision.mode is Mode.COAST
+        assert decision.reason == f'{count} of 5 valid states after the last one was too old'
+        assert not logic.wants_plan(0)
+        logic.see()
+    assert logic.decide(Facts(TIMEOUT_NS + 1)).mode is Mode.COAST  # lost again: count anew
+    for _ in range(REENTRY_STATES):
+        assert logic.decide(GOOD).mode is Mode.COAST
+        logic.see()
+    assert logic.wants_plan(0)
+    assert logic.decide(GOOD).mode is Mode.NOMINAL
+    assert logic.decide(Facts(0, Plan.NONE)).mode is Mode.FALLBACK
+
+
+def test_a_fault_latches_with_its_first_reason_until_a_reset() -> None:
+    logic = logic_with_state()
+    logic.fault('two publishers')
+    logic.fault('something else')
+    decision = logic.decide(GOOD)
+    assert (decision.mode, decision.reason) == (
+        Mode.FAULT, 'two publishers (zero until ~/reset)')
+    assert not logic.wants_plan(0)
+    logic.reset()
+    assert logic.decide(GOOD).mode is Mode.NOMINAL
+
+
+def test_a_pause_outlives_a_reset_and_an_old_state() -> None:
+    logic = logic_with_state()
+    logic.paused = True
+    assert not logic.wants_plan(0)
+    logic.reset()
+    decision = logic.decide(Facts(TIMEOUT_NS + 1))
+    assert (decision.mode, decision.reason) == (Mode.PAUSED, 'paused by the operator')
+    logic.paused = False
+    assert logic.wants_plan(0)
+
+
+def test_time_that_started_again_is_one_tick_of_zero() -> None:
+    logic = logic_with_state()
+    logic.restart()
+    assert not logic.wants_plan(0)
+    decision = logic.decide(GOOD)
+    assert (decision.mode, decision.reason) == (Mode.WAIT, 'time started again')
+    assert logic.decide(GOOD).mode is Mode.NOMINAL
+    logic.restart()
+    logic.reset()
+    assert logic.decide(GOOD).mode is Mode.NOMINAL
+
+
+def test_errors_in_a_row_latch_and_others_do_not() -> None:
+    logic = logic_with_state()
+    for _ in range(3):
+        for _ in range(MOST_INTERNAL_ERRORS - 1):
+            decision = logic.fail('why')
+            assert (decision.mode, decision.reason) == (Mode.WAIT, 'this tick failed: why')
+        logic.succeed()
+    for _ in range(MOST_INTERNAL_ERRORS - 1):
+        logic.fail('why')
+    decision = logic.fail('why')
+    assert (decision.mode, decision.reason) == (
+        Mode.FAULT, '3 ticks in a row failed: why (zero until ~/reset)')
+    logic.reset()
+    assert logic.fail('why').mode is Mode.WAIT
+
+
+def test_the_end_is_final() -> None:
+    logic = logic_with_state()
+    logic.fault('first')
+    logic.stop()
+    logic.reset()
+    assert logic.decide(GOOD).mode is Mode.STOPPING
+    assert logic.decide(GOOD).reason == 'stopping'
+    assert logic.fail('why').mode is Mode.STOPPING
+    assert not logic.wants_plan(0)
+
+
+def test_a_start_after_the_end_waits_anew() -> None:
+    logic = logic_with_state()
+    logic.paused = True
+    logic.fault('first')
+    logic.stop()
+    logic.start()
+    assert logic.wants_plan(0)
+    assert logic.decide(Facts(None)).mode is Mode.WAIT
+    assert logic.decide(GOOD).mode is Mode.NOMINAL
+
+
+class Histories(RuleBasedStateMachine):
+    """Whatever happens in whatever order, beside a model that only remembers what came."""
+
+    @initialize(timeout_ns=st.integers(1, 200))
+    def begin(self, timeout_ns: int) -> None:
+        self.logic = ModeLogic(STEP_NS, timeout_ns)
+        self.timeout_ns = timeout_ns
+        self.propagate_ns = min(2 * STEP_NS, timeout_ns)
+        self.faulted = self.stopped = self.lost = self.restarted = False
+        self.states = self.errors = 0
+        self.mode = Mode.WAIT
+
+    @rule()
+    def see_a_state(self) -> None:
+        self.logic.see()
+        self.states += 1
+
+    @rule()
+    def fault(self) -> None:
+        self.logic.fault('why')
+        self.faulted = True
+
+    @rule()
+    def reset(self) -> None:
+        self.logic.reset()
+        self.faulted = self.lost = self.restarted = False
+        self.states = self.errors = 0
+
+    @rule()
+    def stop(self) -> None:
+        self.logic.stop()
+        self.stopped = True
+
+    @rule()
+    def start(self) -> None:
+        self.logic.start()
+        self.stopped = False
+        self.faulted = self.lost = self.restarted = False
+        self.states = self.errors = 0
+
+    @rule(paused=st.booleans())
+    def pause(self, paused: bool) -> None:
+        self.logic.paused = paused
+
+    @rule()
+    def restart(self) -> None:
+        self.logic.restart()
+        self.restarted = True
+
+    @rule()
+    def fail(self) -> None:
+        self.mode = self.logic.fail('why').mode
+        self.errors += 1
+        self.faulted = self.faulted or self.errors >= MOST_INTERNAL_ERRORS
+        assert self.mode not in ACTING
+
+    @rule(facts=st.builds(
+        Facts, st.none() | st.integers(0, 300), st.sampled_from(Plan), st.booleans()))
+    def tick(self, facts: Facts) -> None:
+        wanted = self.logic.wants_plan(facts.age_ns)
+        decision = self.logic.decide(facts)
+        self.logic.succeed()
+        self.errors = 0
+        self.mode = mode = decision.mode
+        assert (mode is Mode.STOPPING) == self.stopped
+        assert (mode is Mode.FAULT) == (self.faulted and not self.stopped)
+        if mode in ACTING:
+            self.check_acting(facts, mode, wanted)
+        if mode is Mode.COAST and (facts.age_ns or 0) > self.propagate_ns:
+            self.lost, self.states = True, 0
+        if mode is Mode.WAIT and facts.age_ns is not None:
+            assert self.restarted
+            self.restarted = False
+
+    def check_acting(self, facts: Facts, mode: Mode, wanted: bool) -> None:
+        """Torque only from a state that may be used, for the reason that the mode stands for."""
+        assert facts.age_ns is not None
+        assert facts.age_ns <= self.timeout_ns
+        assert not self.logic.paused
+        assert not self.restarted
+        assert not self.lost or self.states >= REENTRY_STATES
+        self.lost = False
+        usable = facts.plan is Plan.USABLE and facts.age_ns <= self.propagate_ns
+        assert (mode is Mode.NOMINAL) == usable
+        assert wanted == (facts.age_ns <= self.propagate_ns)
+        if mode is Mode.HOLD:
+            assert facts.held
+        if mode is Mode.FALLBACK:
+            assert facts.age_ns <= self.propagate_ns
+            assert facts.plan is Plan.BEYOND_GUARD or not facts.held
+
+    @invariant()
+    def what_is_latched_stays(self) -> None:
+        if getattr(self, 'stopped', False) or getattr(self, 'faulted', False):
+            assert not self.logic.wants_plan(0)
+
+
+TestHistories = Histories.TestCase
+TestHistories.settings = settings(PROPERTY, stateful_step_count=15)
