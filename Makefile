@@ -5,7 +5,7 @@
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help setup test lint types pytest coverage demo figures golden bench clean
+.PHONY: help setup test lint types pytest test-processors coverage demo figures golden bench clean
 
 # The first that runs; the ROS wheels are tested with 3.11. Override with PYTHON=...
 PYTHON ?= $(firstword $(foreach p,python3.11 python3,$(shell $(p) -c '' 2> /dev/null && echo $(p))))
@@ -22,6 +22,7 @@ PYTEST_ARGS ?=
 DEMO_ARGS ?=
 FIGURES_ARGS ?=
 BENCH_ARGS ?=
+PROCESSORS_ARGS ?=
 
 # Nodes of the tests and of the demo talk on this machine only.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
@@ -34,10 +35,11 @@ unexport LD_LIBRARY_PATH
 endif
 
 help:  ## Show this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-15s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 	@echo
 	@echo '  PYTHON=...       the interpreter that .venv is made from ($(PYTHON))'
-	@echo '  PYTEST_ARGS=...  more arguments for pytest, likewise DEMO_ARGS, FIGURES_ARGS, BENCH_ARGS'
+	@echo '  PYTEST_ARGS=...  more arguments for pytest, likewise DEMO_ARGS, FIGURES_ARGS, BENCH_ARGS,'
+	@echo '                   PROCESSORS_ARGS'
 
 setup: $(STAMP)  ## Create .venv and install the package with ROS 2 and the test tools
 
@@ -53,6 +55,10 @@ types: $(STAMP)  ## Run mypy
 
 pytest: $(STAMP)  ## Run the tests alone
 	@$(BIN)/python -m pytest --timeout=300 -n $(TEST_WORKERS) --dist loadfile $(PYTEST_ARGS)
+
+# Hours: every test once for each setting. PROCESSORS_ARGS='--settings prescott -- test/mpc'
+test-processors: $(STAMP)  ## Run the tests with other processors' kernels, and on a busy machine
+	@$(BIN)/python benchmarks/processors.py --workers $(TEST_WORKERS) $(PROCESSORS_ARGS)
 
 # What decides in the nodes, and the tests of it that need no ROS.
 DECIDES := manifold_mpc_ros/control/*

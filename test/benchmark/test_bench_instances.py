@@ -13,10 +13,14 @@ from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.lab.benchmark.peers import instances
 from manifold_mpc_ros.lie import so3
 
+STORED = Path(__file__).parents[2] / 'docs' / 'results' / 'bench_instances.json'
+#: Four squares and their sum, a root and a quotient on either side [relative].
+ROUNDING = 8 * np.finfo(float).eps
 WRONG = '{"instances": [{"kind": "x", "quaternion_wxyz": [%s], "omega_BN_B_rad_s": [%s]}]}'
 
 
 def test_random_ones_follow_the_rule() -> None:
+    """Unit quaternions along the normals: within an ulp of numpy's norm, which has its own sum."""
     rng = np.random.default_rng(0)
     normals = rng.standard_normal((200, 4))
     rates = rng.uniform(-0.2, 0.2, (200, 3))
@@ -24,7 +28,18 @@ def test_random_ones_follow_the_rule() -> None:
     assert len(drawn) == 7
     for each, normal, rate in zip(drawn, normals, rates):
         q = normal / np.linalg.norm(normal)
-        assert np.array_equal(each.state, [*(q if q[0] >= 0 else -q), *rate])
+        assert np.allclose(each.quaternion_wxyz, q if q[0] >= 0 else -q, rtol=ROUNDING, atol=0)
+        assert each.quaternion_wxyz[0] >= 0
+        assert np.array_equal(each.omega_BN_B, rate)
+
+
+def test_the_stored_ones_are_drawn_again_to_the_bit() -> None:
+    """The rule gives the file of docs/results on every processor."""
+    stored = instances.read(STORED)
+    drawn = instances.draw(len(stored) - 12)
+    assert drawn[:-9] == stored[:-9]
+    for one, other in zip(drawn[-9:], stored[-9:], strict=True):  # sines are the C library's
+        assert np.allclose(one.state, other.state, rtol=ROUNDING, atol=0)
 
 
 def test_half_turns_are_exact_and_the_near_ones_are_not() -> None:

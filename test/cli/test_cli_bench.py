@@ -48,16 +48,18 @@ def test_mistakes_are_one_line(command: Command, arguments: list[str], named: st
 
 
 def test_latency_over_dds() -> None:
-    rows = tick.measure(tick.TickSettings((20.0,), 1.0, (0, 0)), lambda _: None)
+    """Figures of one clock are compared with each other; how large they are is the machine's."""
+    rows = tick.measure(tick.TickSettings((4.0,), 2.5, (0, 0)), lambda _: None)
     assert [row['mode'] for row in rows] == ['lockstep', 'timer']
     lockstep, timer = rows
-    assert lockstep['ticks'] == 20
-    assert lockstep['missed'] < 20
-    answer, round_trip = lockstep['reported_answer_time_us'], lockstep['latency_us']
-    assert 50 < answer['p50'] < round_trip['p50'] <= round_trip['max']
-    assert timer['ticks'] >= 5
-    for row in rows:
-        assert row['reported_solve_time_us']['p50'] > 0
+    assert lockstep['ticks'] == 10
+    assert lockstep['missed'] < 10
+    for figures in (lockstep['latency_us'], lockstep['reported_answer_time_us']):
+        assert 0 < figures['p50'] <= figures['p99'] <= figures['max']
+    solve, answer = lockstep['reported_solve_time_us'], lockstep['reported_answer_time_us']
+    assert all(0 < solve[key] <= answer[key] for key in solve)  # of the same ticks, so in order
+    assert timer['ticks'] >= 1
+    assert timer['reported_solve_time_us']['p50'] > 0
 
 
 def test_the_aims_of_the_latency() -> None:

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -56,25 +57,32 @@ class Instance:
 def draw(random_count: int) -> list[Instance]:
     """Return up to MOST random states, then the exact half turns, then the near ones."""
     rng = np.random.default_rng(SEED)
-    quaternions = rng.standard_normal((MOST, 4))
-    quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
-    quaternions[quaternions[:, 0] < 0] *= -1
+    quaternions = [_normalised(*normal) for normal in rng.standard_normal((MOST, 4)).tolist()]
     rates = rng.uniform(-LARGEST_RATE_RAD_S, LARGEST_RATE_RAD_S, (MOST, 3))
     states = [('random', q, omega) for q, omega in zip(quaternions, rates)][:random_count]
     axes = np.eye(3)
     states += [('half turn', _turn(axis, np.pi), np.zeros(3)) for axis in axes]
     for axis, towards in zip(axes, np.roll(axes, -1, axis=0)):
-        leaning = [np.cos(lean) * axis + np.sin(lean) * towards for lean in LEANS_RAD]
+        leaning = [math.cos(lean) * axis + math.sin(lean) * towards for lean in LEANS_RAD]
         states += [('near half turn', _turn(each, np.pi), np.zeros(3)) for each in leaning]
         states.append(('near half turn', _turn(axis, np.pi - SHORT_BY_RAD), np.zeros(3)))
     return [Instance(kind, tuple(map(float, q)), tuple(map(float, omega)))
             for kind, q, omega in states]
 
 
+def _normalised(w: float, x: float, y: float, z: float) -> Array:
+    """Return the unit quaternion with w >= 0 along four numbers, rounded alike everywhere.
+
+    By operations that IEEE 754 defines to the bit, where numpy's sums follow the processor.
+    """
+    length = math.copysign(math.sqrt(w * w + x * x + y * y + z * z), w)
+    return np.array([w, x, y, z]) / length
+
+
 def _turn(axis: Array, angle_rad: float) -> Array:
     """Return the quaternion of a rotation about a unit axis; w is exactly 0 at pi."""
-    w = 0.0 if angle_rad == np.pi else np.cos(angle_rad / 2)
-    return np.array([w, *(np.sin(angle_rad / 2) * axis)])
+    w = 0.0 if angle_rad == np.pi else math.cos(angle_rad / 2)
+    return np.array([w, *(math.sin(angle_rad / 2) * axis)])
 
 
 def write(path: Path, instances: Sequence[Instance]) -> Path:
