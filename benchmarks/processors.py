@@ -42,16 +42,14 @@ NO_FMA = 'glibc.cpu.hwcaps=-AVX2,-FMA,-AVX2_Usable,-FMA_Usable'
 #: Prints what OpenBLAS and numpy chose, and multiplies once, which a missing instruction ends.
 CHOSEN = """
 import ctypes, json, pathlib, numpy
-from numpy._core._multiarray_umath import __cpu_features__ as features
 numpy.linalg.solve(numpy.eye(40) + 1.0, numpy.ones((40, 40)) @ numpy.ones(40))
 core = 'another BLAS'
 for path in pathlib.Path(numpy.__file__).parents[1].glob('numpy.libs/libscipy_openblas64_*'):
     name = ctypes.CDLL(str(path)).scipy_openblas_get_corename64_
     name.restype = ctypes.c_char_p
     core = name().decode()
-print(json.dumps({'openblas_core': core, 'numpy_features': [
-    name for name in ('X86_V2', 'X86_V3', 'X86_V4', 'AVX512_ICL', 'AVX512_SPR', 'AVX2', 'FMA3',
-                      'AVX512F', 'AVX512_SKX', 'NEON', 'ASIMD', 'SVE') if features.get(name)]}))
+simd = numpy.show_config('dicts')['SIMD Extensions']
+print(json.dumps({'openblas_core': core, 'numpy_simd': simd['baseline'] + simd.get('found', [])}))
 """
 
 
@@ -152,13 +150,13 @@ def keep(name: str, row: dict[str, Any]) -> None:
 
 def show(rows: dict[str, dict[str, Any]]) -> None:
     """Print one line for each run."""
-    print(f'\n{"setting":14} {"OpenBLAS":12} {"numpy":24} {"passed":>7} {"failed":>7} '
+    print(f'\n{"setting":14} {"OpenBLAS":12} {"numpy":16} {"passed":>7} {"failed":>7} '
           f'{"skipped":>8} {"s":>6}')
     for name, row in rows.items():
         if 'cannot_run' in row:
             print(f'{name:14} cannot run here: {row["cannot_run"]}')
         for run in row.get('runs', []):
-            print(f'{name:14} {row["openblas_core"]:12} {" ".join(row["numpy_features"]):24} '
+            print(f'{name:14} {row["openblas_core"]:12} {" ".join(row["numpy_simd"]):16} '
                   f'{run["passed"]:7} {run["failed"]:7} {run["skipped"]:8} '
                   f'{run["elapsed_s"]:6} {"" if passed(run) else run["ended"]}')
             for case in run['not_passed']:
