@@ -146,7 +146,7 @@ class Bench:
                 return path
 
     def _until(self, wanted: Callable[[list[Call]], bool]) -> list[Call]:
-        """Return the calls of the first callback that has wanted ones, none if it does not come."""
+        """Return the calls of the first callback that has wanted ones, none if none comes."""
         for _ in range(LOOKS):
             self._profile.calls, self._profile.on = [], True
             self._executor.spin_some(0.05)

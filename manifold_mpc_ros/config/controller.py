@@ -22,6 +22,7 @@ class ControllerConfig:
     mpc: AttitudeMpcConfig
     backend: str
     state_source: str
+    actuator: str
     inertial_frame_id: str
     body_frame_id: str
     initial_setpoint: str

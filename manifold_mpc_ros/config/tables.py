@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from manifold_mpc_ros.config.interfaces import ACTUATORS, STATE_SOURCES
 from manifold_mpc_ros.config.parameter import ParameterSpec
 
 CONTROLLER_NAME = 'attitude_controller'
@@ -22,7 +23,7 @@ _MAX_TORQUE = ParameterSpec(
     infinite=True, required=True)
 _STATE_SOURCE = ParameterSpec(
     'state_source', 'str', 'odometry', 'topic that brings attitude and body rate',
-    choices=('odometry', 'imu'), read_only=True)
+    choices=tuple(STATE_SOURCES), read_only=True)
 _INERTIAL_FRAME = ParameterSpec(
     'inertial_frame_id', 'str', 'inertial', 'frame that attitudes are measured against',
     read_only=True)
@@ -90,6 +91,9 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
         'w of w (1 - cos(pointing error)) (target: pointing)', unit='1', low=0.0, high=1e12,
         name_in_config='pointing_weight'),
     _STATE_SOURCE,
+    ParameterSpec(
+        'actuators.kind', 'str', 'torque', 'what turns the body', choices=tuple(ACTUATORS),
+        read_only=True, name_in_config='actuator'),
     _INERTIAL_FRAME,
     _BODY_FRAME,
     ParameterSpec(

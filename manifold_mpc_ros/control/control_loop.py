@@ -8,56 +8,35 @@ The loop gathers the facts, `ModeLogic` decides, and what the mode stands for is
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.control.decrease_monitor import PromiseMonitor
-from manifold_mpc_ros.control.decrease_record import PromiseRecord
+from manifold_mpc_ros.control.actuator import Actuation, Actuator
+from manifold_mpc_ros.control.command import Command, Law
 from manifold_mpc_ros.control.fallback_law import FallbackLaw
-from manifold_mpc_ros.control.held_plan import HeldPlan, is_valid
-from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample
-from manifold_mpc_ros.control.modes import Decision, Facts, Mode, ModeLogic, Plan
+from manifold_mpc_ros.control.held_plan import HeldPlan, Offer
+from manifold_mpc_ros.control.input_gate import (
+    NANOSECONDS,
+    RawState,
+    Refusal,
+    StateGate,
+    StateSample,
+)
+from manifold_mpc_ros.control.modes import Decision, Facts, Mode, ModeLogic, SolveOutcome
 from manifold_mpc_ros.control.output_gate import OutputGate
-from manifold_mpc_ros.control.solver_thread import Answer, Planner, Question
+from manifold_mpc_ros.control.solver_thread import SolveRequest, SolveResult
+from manifold_mpc_ros.control.tick_time import TickTime
+from manifold_mpc_ros.control.torque_actuator import TorqueActuator
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.errors import StepExistenceError
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 
-#: Where a torque comes from, by mode; the others command zero.
-_SOURCES = {Mode.NOMINAL: 'mpc', Mode.HOLD: 'plan', Mode.FALLBACK: 'fallback'}
 #: From these the torque comes back to the optimiser's gradually.
 _RETURNS = frozenset({Mode.FALLBACK, Mode.COAST, Mode.FAULT})
-
-
-@dataclass(frozen=True)
-class Command:
-    """One decided torque: finite, within the limits, and why it is what it is."""
-
-    stamp_ns: int
-    torque_B_n_m: FloatArray
-    mode: Mode
-    reason: str
-    solution: AttitudeMpcSolution | None = None
-    promise: PromiseRecord | None = None
-
-    @property
-    def source(self) -> str:
-        """Where the torque comes from: 'mpc', 'plan', 'fallback' or 'zero'."""
-        return _SOURCES.get(self.mode, 'zero')
-
-
-@dataclass(frozen=True)
-class Law:
-    """A control law that is ready to work: its configuration, its solver, and who judges it."""
-
-    config: AttitudeMpcConfig
-    planner: Planner
-    timeout_s: float
-    monitor: PromiseMonitor | None = None
-    backend: str = ''
 
 
 class ControlLoop:
@@ -67,16 +46,25 @@ class ControlLoop:
     ---------
     law
         What plans, until `exchange` brings another.
+    gate
+        What checks the states that `receive` is given.
     initial_setpoint
         'identity', or 'hold' for the first attitude that comes.
+    make_actuator
+        What makes the actuator of a configuration.
 
     """
 
-    def __init__(self, law: Law, *, initial_setpoint: str) -> None:
+    def __init__(
+        self, law: Law, gate: StateGate, *, initial_setpoint: str,
+        make_actuator: Callable[[AttitudeMpcConfig], Actuator] = TorqueActuator.from_config,
+    ) -> None:
         """Start without a state, at the initial setpoint."""
         self._hold = initial_setpoint == 'hold'
+        self._make_actuator = make_actuator
+        self.gate = gate
         self.logic = ModeLogic(_ns(law.config.step_s), _ns(law.timeout_s))
-        self.output = OutputGate(law.config.max_torque_n_m)
+        self.output = OutputGate(make_actuator(law.config))
         self._plan = HeldPlan(_ns(law.config.step_s))
         self._mode = Mode.WAIT
         self._epoch = 0
@@ -86,24 +74,25 @@ class ControlLoop:
     def reset(self) -> None:
         """Forget state, setpoint, plan and fault, as at the start; a pause stays."""
         self.logic.reset()
+        self.gate.forget()
         self.output.zero()
         self._R_ND: FloatArray | None = None if self._hold else np.eye(3)
         self.commanded = False
         self._sample: StateSample | None = None
-        self._received_ns: int | None = None
         self._flush('reset')
 
     def exchange(self, law: Law) -> None:
         """Work with another law from the next tick on; the plan of the old one is still held."""
-        self._law.planner.close()
+        self._law.solver.close()
         self._take(law)
-        self.output.set_limit(law.config.max_torque_n_m)
+        self.output.set_actuator(self._make_actuator(law.config))
         self.logic.set_timeout(_ns(law.timeout_s))
+        self.gate.set_timeout(law.timeout_s)
         self._void('the controller was changed')
 
     def close(self) -> None:
-        """Ask the solver no more."""
-        self._law.planner.close()
+        """Let the solver end."""
+        self._law.solver.close()
 
     def _take(self, law: Law) -> None:
         """Plan with this law from now on."""
@@ -116,14 +105,26 @@ class ControlLoop:
         """Stamp of the latest state, None before the first."""
         return None if self._sample is None else self._sample.stamp_ns
 
-    def admit(
-        self, sample: StateSample, *, restarted: bool = False, received_ns: int | None = None,
-    ) -> None:
-        """Take a state that passed the gate, received at this time of a monotonic clock."""
+    def receive(
+        self, raw: RawState, now_ns: int, received_ns: int | None = None,
+    ) -> Refusal | None:
+        """Take a state as its source read it; return why it must not be used, None if it is.
+
+        ``now_ns`` is the clock of the stamps [ns]; ``received_ns`` a monotonic clock [ns], None
+        where only the stamp tells the age of a state.
+        """
+        admitted = self.gate.admit(raw, now_ns, received_ns)
+        if isinstance(admitted, Refusal):
+            return admitted
+        self.admit(admitted, restarted=self.gate.restarted)
+        return None
+
+    def admit(self, sample: StateSample, *, restarted: bool = False) -> None:
+        """Take a state that passed the gate."""
         if restarted:
             self._flush('time started again')
             self.logic.restart()
-        self._sample, self._received_ns = sample, received_ns
+        self._sample = sample
         self.logic.see()
         if self._R_ND is None:
             self._R_ND = sample.R_NB
@@ -131,6 +132,7 @@ class ControlLoop:
     def go_back(self) -> None:
         """Forget the state and the plan: the clock went back."""
         self._sample = None
+        self.gate.forget()
         self._flush('time started again')
 
     def aim(self, R_ND: FloatArray) -> None:
@@ -140,35 +142,36 @@ class ControlLoop:
         self._R_ND = R_ND
         self.commanded = True
 
-    def tick(self, now_ns: int | None, monotonic_ns: int | None = None) -> Command:
-        """Return the command of this tick.
-
-        ``now_ns`` None (lockstep) means that the state is new; ``monotonic_ns`` None that only
-        stamps tell its age.
-        """
-        late = self._law.planner.late()
-        if late is not None and late.question.epoch == self._epoch:
-            self._keep(late)
-        time_ns = self.state_stamp_ns or 0 if now_ns is None else now_ns
-        age_ns = self._age_ns(now_ns, monotonic_ns)
+    def tick(self, at: TickTime) -> Command:
+        """Return the command of this tick."""
+        late = self._law.solver.late_result()
+        if late is not None and late.request.epoch == self._epoch:
+            self._offer(late)
+        sample, time_ns = self._sample, at.time_ns(self._sample)
+        age_ns = None if sample is None else at.age_ns(sample)
         facts, solution = Facts(age_ns), None
         if age_ns is not None and self.logic.wants_plan(age_ns):
-            facts, solution = self._ask(time_ns, age_ns)
-        held = self._plan.torque(time_ns) is not None
-        decision = self.logic.decide(replace(facts, held=held))
-        command = self._act(decision, time_ns, age_ns or 0, solution)
+            facts, solution = self._solve(time_ns, age_ns)
+        held_B_n_m = self._plan.torque(time_ns)
+        decision = self.logic.decide(replace(facts, held=held_B_n_m is not None))
+        self.logic.enter(decision)
+        command = Command(
+            time_ns if sample is None else sample.stamp_ns,
+            self._actuate(decision, held_B_n_m, age_ns or 0), decision.mode, decision.reason,
+            solution)
         self._mode = decision.mode
-        judged = self._judged(command, now_ns)
+        judged = self._judged(command, at)
         self.logic.succeed()
         return judged
 
-    def failed(self, now_ns: int, error: str) -> Command:
+    def failed(self, at: TickTime, error: str) -> Command:
         """Return zero for a tick that ended in an error of our own; too many latch it."""
         decision = self.logic.fail(error)
         self._mode = decision.mode
         self._flush('an error')
         return Command(
-            self.state_stamp_ns or now_ns, self.output.zero(), decision.mode, decision.reason)
+            self.state_stamp_ns or at.time_ns(None), self.output.zero(), decision.mode,
+            decision.reason)
 
     def stopped(self, now_ns: int) -> Command:
         """Return the last command, zero."""
@@ -176,81 +179,67 @@ class ControlLoop:
         return Command(
             now_ns, self.output.zero(), Mode.STOPPING, self.logic.decide(Facts(None)).reason)
 
-    def _age_ns(self, now_ns: int | None, monotonic_ns: int | None) -> int | None:
-        """Return the age of the state by the clock that says more, None without a state."""
-        if self._sample is None:
-            return None
-        stamped = 0 if now_ns is None else now_ns - self._sample.stamp_ns
-        received = 0
-        if monotonic_ns is not None and self._received_ns is not None:
-            received = monotonic_ns - self._received_ns
-        return max(0, stamped, received)
-
-    def _ask(self, time_ns: int, age_ns: int) -> tuple[Facts, AttitudeMpcSolution | None]:
-        """Ask for a plan from the state at the tick; keep it if it is better than the old one."""
+    def _solve(self, time_ns: int, age_ns: int) -> tuple[Facts, AttitudeMpcSolution | None]:
+        """Request a plan from the state at the tick; store it if it is better than the old one."""
         try:
             R_NB, omega_BN_B = self._at_the_tick(age_ns)
         except StepExistenceError as error:
-            return Facts(age_ns, Plan.BEYOND_GUARD, detail=str(error)), None
+            return Facts(age_ns, SolveOutcome.BEYOND_GUARD, detail=str(error)), None
         if self._fallback.beyond_guard(omega_BN_B):
             self._cold = True
-            return Facts(age_ns, Plan.BEYOND_GUARD, detail='the rate is beyond the guard of the '
-                                                          'implicit step'), None
+            return Facts(age_ns, SolveOutcome.BEYOND_GUARD, detail=(
+                'the rate is beyond the guard of the implicit step')), None
         assert self._R_ND is not None
-        answer = self._law.planner.ask(Question(
+        result = self._law.solver.solve(SolveRequest(
             time_ns, R_NB, omega_BN_B, self._R_ND, self._cold, self._epoch))
-        if answer is None:
-            return Facts(age_ns, Plan.NONE, detail='the solver is late'), None
-        kept = self._keep(answer)
-        solution = answer.solution
+        if result is None:
+            return Facts(age_ns, SolveOutcome.NONE, detail='the solver is late'), None
+        offer, solution = self._offer(result), result.solution
         if solution is None:
-            return Facts(age_ns, Plan.NONE, detail=f'the solver failed: {answer.error}'), None
+            return Facts(age_ns, SolveOutcome.NONE,
+                         detail=f'the solver failed: {result.error}'), None
         status = f'solver: {SolveStatus(solution.status).value}'
-        if kept:
-            return Facts(age_ns, Plan.USABLE, detail=status), solution
-        why = ', worse than the stored plan' if is_valid(solution) else ', no plan from this state'
-        return Facts(age_ns, Plan.NONE, detail=status + why), solution
+        if offer is Offer.STORED:
+            return Facts(age_ns, SolveOutcome.USABLE, detail=status), solution
+        return Facts(age_ns, SolveOutcome.NONE, detail=f'{status}, {offer.value}'), solution
 
-    def _keep(self, answer: Answer) -> bool:
-        """Store the plan of an answer if it is better; return whether it is."""
-        question, solution = answer.question, answer.solution
-        self._cold = solution is None or not is_valid(solution)
-        if solution is None or not self._plan.accepts(solution, question.time_ns, question.R_ND):
-            return False
-        self._plan.keep(solution, question.time_ns, question.R_ND)
-        return True
+    def _offer(self, result: SolveResult) -> Offer:
+        """Store the plan of a result if it is better; return what became of it."""
+        request, offer = result.request, Offer.INVALID
+        if result.solution is not None:
+            offer = self._plan.offer(result.solution, request.time_ns, request.R_ND)
+        self._cold = offer is Offer.INVALID
+        return offer
 
     def _at_the_tick(self, age_ns: int) -> tuple[FloatArray, FloatArray]:
-        """Return attitude and rate now: the state moved on by its age under the last command."""
+        """Return attitude and rate now: moved on by their age under the torque that is realised.
+
+        Raises StepExistenceError where the implicit step is not guaranteed.
+        """
         assert self._sample is not None
         R_NB, omega_BN_B = self._sample.R_NB, self._sample.omega_BN_B
         age_s, config = age_ns / NANOSECONDS, self._law.config
         steps = math.ceil(age_s / config.step_s)
         for _ in range(steps):
             R_NB, omega_BN_B = lgvi_step(
-                R_NB, omega_BN_B, self.output.latest_B_n_m, inertia_kg_m2=config.inertia_kg_m2,
-                step_s=age_s / steps)
+                R_NB, omega_BN_B, self.output.latest.realised_B_n_m,
+                inertia_kg_m2=config.inertia_kg_m2, step_s=age_s / steps)
         return R_NB, omega_BN_B
 
-    def _act(
-        self, decision: Decision, time_ns: int, age_ns: int, solution: AttitudeMpcSolution | None,
-    ) -> Command:
-        """Return the command that a decision stands for."""
+    def _actuate(
+        self, decision: Decision, held_B_n_m: FloatArray | None, age_ns: int,
+    ) -> Actuation:
+        """Return what the actuator is commanded in a mode."""
         mode = decision.mode
-        if mode in (Mode.NOMINAL, Mode.HOLD):
-            if self._mode in _RETURNS:
-                self.output.slew()
-            asked = self._plan.torque(time_ns)
-            assert asked is not None
-            torque = self.output.let_through(asked)
-        elif mode is Mode.FALLBACK:
-            torque = self.output.let_through(self._fall_back(age_ns))
-        else:
-            torque = self.output.zero()
-        if mode is not Mode.FALLBACK:
-            self._fallback.reset()
-        stamp_ns = time_ns if self._sample is None else self._sample.stamp_ns
-        return Command(stamp_ns, torque, mode, decision.reason, solution)
+        if mode is Mode.FALLBACK:
+            return self.output.let_through(self._fall_back(age_ns))
+        self._fallback.reset()
+        if mode not in (Mode.NOMINAL, Mode.HOLD):
+            return self.output.zero()
+        if self._mode in _RETURNS:
+            self.output.slew()
+        assert held_B_n_m is not None
+        return self.output.let_through(held_B_n_m)
 
     def _fall_back(self, age_ns: int) -> FloatArray:
         """Return the torque of the fallback law, at the tick where the state can be moved on."""
@@ -262,32 +251,28 @@ class ControlLoop:
             state = self._sample.R_NB, self._sample.omega_BN_B
         return self._fallback.torque(*state, self._R_ND)
 
-    def _judged(self, command: Command, now_ns: int | None) -> Command:
-        """Return the command with what the monitor says about the tick.
-
-        In lockstep time waits for the torque; else it is late by the time that the plan took.
-        """
+    def _judged(self, command: Command, at: TickTime) -> Command:
+        """Return the command with what the monitor says about the tick."""
         monitor = self._law.monitor
         if monitor is None:
             return command
         solution, nominal = command.solution, command.mode is Mode.NOMINAL
-        applied = solution is not None and nominal and np.array_equal(
-            command.torque_B_n_m, solution.torque_B_n_m)
-        delay_s = 0.0 if now_ns is None or solution is None else solution.solve_time_s
-        time_ns = command.stamp_ns if now_ns is None else now_ns
-        return replace(command, promise=monitor.observe(
-            solution, time_s=time_ns / NANOSECONDS, delay_s=delay_s, applied=applied,
-            why_none='' if nominal else command.reason))
+        applied = (solution is not None and nominal
+                   and command.actuation.realises(solution.torque_B_n_m))
+        return replace(command, decrease=monitor.observe(
+            solution, time_s=at.time_ns(self._sample) / NANOSECONDS,
+            delay_s=0.0 if solution is None else at.delay_s(solution.solve_time_s),
+            applied=applied, why_none='' if nominal else command.reason))
 
     def _flush(self, why: str) -> None:
-        """Forget plan and warm start, and end the promise."""
+        """Forget plan and warm start, and end the bound on the next value."""
         self._plan.drop()
         self._epoch += 1
         self._cold = True
         self._void(why)
 
     def _void(self, why: str) -> None:
-        """End the promise that the last plan made."""
+        """End the bound that the last plan put on the next value."""
         if self._law.monitor is not None:
             self._law.monitor.suspend(why)
 

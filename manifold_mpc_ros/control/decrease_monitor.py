@@ -19,11 +19,11 @@ import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.control.decrease_record import (
-    Plan,
-    PromiseCounters,
-    PromiseRecord,
+    Decrease,
+    DecreaseCounters,
+    DecreaseRecord,
     Tolerance,
-    Verdict,
+    ValuedPlan,
 )
 from manifold_mpc_ros.mpc.program.options import SMALLEST_BARRIER
 from manifold_mpc_ros.mpc.scaling import Array, scaling_of
@@ -47,7 +47,7 @@ class _Promise:
     delay_s: float
 
 
-class PromiseMonitor:
+class DecreaseMonitor:
     """Compares each tick's value with what the tick before promised.
 
     Arguments
@@ -71,7 +71,7 @@ class PromiseMonitor:
 
     def clear(self) -> None:
         """Forget everything, counters too."""
-        self.counters = PromiseCounters()
+        self.counters = DecreaseCounters()
         self._promise: _Promise | None = None
         self._why_none = 'first tick' if self._certified else 'terminal_constraint is false'
         self._ago = HOLD_TICKS + 1
@@ -83,9 +83,9 @@ class PromiseMonitor:
             self._promise, self._why_none = None, why
 
     def observe(
-        self, plan: Plan | None, *, time_s: float, delay_s: float = 0.0, applied: bool = True,
-        why_none: str = '',
-    ) -> PromiseRecord:
+        self, plan: ValuedPlan | None, *, time_s: float, delay_s: float = 0.0,
+        applied: bool = True, why_none: str = '',
+    ) -> DecreaseRecord:
         """Return the record of one tick.
 
         Arguments
@@ -103,8 +103,8 @@ class PromiseMonitor:
 
         """
         inside = self._is_inside(plan)
-        record = PromiseRecord(
-            Verdict.NONE, self._why_none, math.nan if plan is None else float(plan.cost),
+        record = DecreaseRecord(
+            Decrease.NONE, self._why_none, math.nan if plan is None else float(plan.cost),
             math.nan, math.nan, math.nan, inside if self._certified else None,
             plan is not None and plan.terminal_ratio <= 1.0, self.counters)
         if plan is None:
@@ -125,7 +125,7 @@ class PromiseMonitor:
             outside_domain=record.counters.outside_domain + outside)
         return self._warned(replace(record, counters=self.counters))
 
-    def _is_inside(self, plan: Plan | None) -> bool:
+    def _is_inside(self, plan: ValuedPlan | None) -> bool:
         """Return whether a plan shows that the state is in D_N."""
         return (plan is not None and self._certified and math.isfinite(plan.cost)
                 and plan.status in (SolveStatus.CONVERGED, SolveStatus.FEASIBLE))
@@ -136,8 +136,8 @@ class PromiseMonitor:
             (time_s - self._promise.time_s) / self._step_s - 1.0) <= LARGEST_JITTER
 
     def _judge(
-        self, record: PromiseRecord, plan: Plan, inside: bool, time_s: float,
-    ) -> PromiseRecord:
+        self, record: DecreaseRecord, plan: ValuedPlan, inside: bool, time_s: float,
+    ) -> DecreaseRecord:
         """Return the record with the verdict on the promise in force."""
         assert self._promise is not None
         promise, tolerance = self._promise, self._tolerance
@@ -151,20 +151,20 @@ class PromiseMonitor:
         record = replace(record, excess=excess, relative_excess=relative)
         off_s = abs(time_s - promise.time_s - self._step_s) + 2.0 * promise.delay_s
         if excess <= tolerance.slack(promise.value, promise.decrease, off_s / self._step_s):
-            return replace(record, verdict=Verdict.KEPT)
+            return replace(record, verdict=Decrease.KEPT)
         early = '' if plan.status == SolveStatus.CONVERGED else 'a plan that has not converged, '
         return self._broken(record, f'{_fall(excess, promise.decrease)}: {early}{_CAUSE}')
 
-    def _broken(self, record: PromiseRecord, reason: str) -> PromiseRecord:
+    def _broken(self, record: DecreaseRecord, reason: str) -> DecreaseRecord:
         """Return the record of a broken promise."""
         counters = record.counters
         largest = counters.largest_excess
         if math.isfinite(record.relative_excess):
             largest = max(largest, record.relative_excess)
-        return replace(record, verdict=Verdict.BROKEN, reason=reason, counters=replace(
+        return replace(record, verdict=Decrease.BROKEN, reason=reason, counters=replace(
             counters, broken=counters.broken + 1, largest_excess=largest))
 
-    def _promise_from(self, plan: Plan, time_s: float, delay_s: float) -> None:
+    def _promise_from(self, plan: ValuedPlan, time_s: float, delay_s: float) -> None:
         """Put the promise of a plan in force, if its torque is."""
         promised = float(plan.promised_cost)
         if not math.isfinite(promised):
@@ -174,9 +174,9 @@ class PromiseMonitor:
         else:
             self._promise = _Promise(promised, float(plan.cost) - promised, time_s, delay_s)
 
-    def _warned(self, record: PromiseRecord) -> PromiseRecord:
+    def _warned(self, record: DecreaseRecord) -> DecreaseRecord:
         """Return the record with the warning that is due."""
-        if record.verdict is Verdict.BROKEN:
+        if record.verdict is Decrease.BROKEN:
             burst, self._ago, self._latest = self._ago > HOLD_TICKS, 0, record.reason
             return replace(record, warning=record.reason, burst=burst)
         self._ago += 1
@@ -209,7 +209,7 @@ def value_of_noise(P: Array, step_s: float, attitude_rad: float) -> float:
 
 def monitor_for(
     config: AttitudeMpcConfig, P: Array, *, decrease_tolerance: float, attitude_noise_rad: float,
-) -> PromiseMonitor:
+) -> DecreaseMonitor:
     """Return the monitor of a controller whose terminal cost is ``xi^T P xi / 2``.
 
     Its floor adds to `value_of_noise` how far the value of a converged plan may be above the
@@ -217,5 +217,5 @@ def monitor_for(
     """
     rounding = 24.0 * config.horizon * SMALLEST_BARRIER * scaling_of(config).cost
     floor = value_of_noise(P, config.step_s, attitude_noise_rad) + rounding
-    return PromiseMonitor(Tolerance(decrease_tolerance, floor), step_s=config.step_s,
+    return DecreaseMonitor(Tolerance(decrease_tolerance, floor), step_s=config.step_s,
                           certified=config.terminal_constraint)

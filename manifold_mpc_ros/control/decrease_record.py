@@ -15,7 +15,7 @@ from manifold_mpc_ros.mpc.solution import SolveStatus
 VALUE_ROUNDING = 1e-10
 
 
-class Plan(Protocol):
+class ValuedPlan(Protocol):
     """What the monitor reads of one answer; `AttitudeMpcSolution` is such."""
 
     @property
@@ -35,7 +35,7 @@ class Plan(Protocol):
         """How the solve ended."""
 
 
-class Verdict(str, Enum):
+class Decrease(str, Enum):
     """What became of the promise that the last tick made."""
 
     NONE = 'none'
@@ -71,7 +71,7 @@ class Tolerance:
 
 
 @dataclass(frozen=True)
-class PromiseCounters:
+class DecreaseCounters:
     """What has happened since the activation; none of them ever falls.
 
     ``checked`` promises came due with nothing in between that ended them; ``largest_excess`` is
@@ -86,7 +86,7 @@ class PromiseCounters:
 
 
 @dataclass(frozen=True)
-class PromiseRecord:
+class DecreaseRecord:
     """One tick: the value, what the last tick promised for it, and what became of that.
 
     ``value``, ``promised``, their difference ``excess`` and ``relative_excess = excess / L`` (the
@@ -96,7 +96,7 @@ class PromiseRecord:
     repeats that for a few ticks, and ``burst`` is true at the first of them.
     """
 
-    verdict: Verdict
+    verdict: Decrease
     reason: str
     value: float
     promised: float
@@ -104,6 +104,6 @@ class PromiseRecord:
     relative_excess: float
     in_domain: bool | None
     in_terminal_set: bool
-    counters: PromiseCounters
+    counters: DecreaseCounters
     warning: str = ''
     burst: bool = False

@@ -1,10 +1,11 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The plan that is kept for ticks without a new one, and which new ones are better."""
+"""The plan that is held for ticks without a new one, and which new ones replace it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 from typing import Protocol
 
 import numpy as np
@@ -17,6 +18,14 @@ Array = NDArray[np.float64]
 
 #: A value within this of the bound, relative, is no worse: the rounding of the solver.
 VALUE_ROUNDING = 1e-6
+
+
+class Offer(Enum):
+    """What became of a solution that was offered to the held plan."""
+
+    STORED = 'stored'
+    WORSE = 'worse than the stored plan'
+    INVALID = 'no plan from this state'
 
 
 class Torques(Protocol):
@@ -33,7 +42,7 @@ class Torques(Protocol):
 
 @dataclass(frozen=True)
 class _Kept:
-    """A plan, the time that its first torque was meant for, and where it goes."""
+    """A plan, the time that its first torque was meant for, and the attitude that it goes to."""
 
     plan: Torques
     time_ns: int
@@ -47,7 +56,7 @@ class HeldPlan:
     """
 
     def __init__(self, step_ns: int) -> None:
-        """Keep nothing yet."""
+        """Hold nothing yet."""
         self._step_ns = step_ns
         self.drop()
 
@@ -56,34 +65,46 @@ class HeldPlan:
         self._kept: _Kept | None = None
 
     def keep(self, plan: Torques, time_ns: int, R_ND: Array) -> None:
-        """Store a plan whose first torque is meant for ``time_ns``."""
+        """Store a plan whose first torque is meant for ``time_ns`` [ns]."""
         self._kept = _Kept(plan, time_ns, R_ND)
 
     def torque(self, now_ns: int) -> Array | None:
         """Return the plan's torque for this time (3,) [N m], None when it does not reach."""
-        if self._kept is None:
+        steps = self._steps_to(now_ns)
+        if self._kept is None or steps is None:
             return None
-        torques = self._kept.plan.torques_B_n_m
-        steps = round((now_ns - self._kept.time_ns) / self._step_ns)
-        if not 0 <= steps <= min(len(torques) // 2, LONGEST_HOLD_TICKS):
-            return None
-        return np.array(torques[steps])
+        return np.array(self._kept.plan.torques_B_n_m[steps])
 
-    def accepts(self, solution: AttitudeMpcSolution, now_ns: int, R_ND: Array) -> bool:
-        """Return whether a valid plan made for ``now_ns`` is better than the stored one, shifted.
+    def offer(self, solution: AttitudeMpcSolution, time_ns: int, R_ND: Array) -> Offer:
+        """Store a solution made for ``time_ns`` and R_ND, unless it is invalid or worse.
 
-        A converged one is, and the relaxed one outside the domain of attraction, which is the best
-        that there is. One whose budget ran out is unless its value is above the bound that the
-        stored plan, of the same setpoint and still in its life, puts on it.
+        A converged plan replaces the stored one, and so does the relaxed one outside the domain
+        of attraction, which is the best that there is. A plan whose budget ran out does not
+        when its value is above the bound V - L that the stored plan, of the same setpoint and
+        still in its life, puts on it.
         """
         if not is_valid(solution):
-            return False
+            return Offer.INVALID
+        if solution.status is SolveStatus.FEASIBLE and self._bounds(solution, time_ns, R_ND):
+            return Offer.WORSE
+        self.keep(solution, time_ns, R_ND)
+        return Offer.STORED
+
+    def _bounds(self, solution: AttitudeMpcSolution, time_ns: int, R_ND: Array) -> bool:
+        """Return whether the stored plan is a rival of a solution, and bounds its value."""
         kept = self._kept
-        if (solution.status is not SolveStatus.FEASIBLE or kept is None
-                or self.torque(now_ns) is None or not np.array_equal(kept.R_ND, R_ND)):
-            return True
+        if kept is None or self._steps_to(time_ns) is None or not np.array_equal(kept.R_ND, R_ND):
+            return False
         bound = kept.plan.promised_cost
-        return not solution.cost > bound + VALUE_ROUNDING * abs(bound)
+        return solution.cost > bound + VALUE_ROUNDING * abs(bound)
+
+    def _steps_to(self, now_ns: int) -> int | None:
+        """Return how many steps into its life the plan is, None when it has none or is past it."""
+        if self._kept is None:
+            return None
+        steps = round((now_ns - self._kept.time_ns) / self._step_ns)
+        horizon = len(self._kept.plan.torques_B_n_m)
+        return steps if 0 <= steps <= min(horizon // 2, LONGEST_HOLD_TICKS) else None
 
 
 def is_valid(solution: AttitudeMpcSolution) -> bool:

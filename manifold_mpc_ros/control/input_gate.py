@@ -71,11 +71,16 @@ class RefusalLog:
 
 @dataclass(frozen=True)
 class RawState:
-    """The fields of a state message that are used, as they came."""
+    """One state as a source read it from its message or messages: complete, but unchecked.
+
+    ``stamp_ns`` [ns]; the attitude as x, y, z, w, body to inertial; the rate of the body in body
+    components [rad/s]. A frame that the source does not name is None. ``has_attitude`` and
+    ``has_rate`` are false where the message itself says that it has none (REP-145).
+    """
 
     stamp_ns: int
     inertial_frame_id: str | None
-    body_frame_id: str
+    body_frame_id: str | None
     quaternion_xyzw: Quaternion
     omega_BN_B: Vector
     has_attitude: bool = True
@@ -84,11 +89,17 @@ class RawState:
 
 @dataclass(frozen=True)
 class StateSample:
-    """A state that may be acted on: R_NB maps body to inertial, omega_BN_B in rad/s."""
+    """One complete state that may be acted on, whatever source it comes from.
+
+    ``stamp_ns`` is when it was true [ns], by the clock of the stamps; R_NB (3, 3) maps body to
+    inertial components; omega_BN_B (3,) is the body rate [rad/s]; ``received_ns`` is when it
+    came [ns], by a monotonic clock, None where only the stamp tells its age.
+    """
 
     stamp_ns: int
     R_NB: FloatArray
     omega_BN_B: FloatArray
+    received_ns: int | None = None
 
 
 class StateGate:
@@ -126,8 +137,12 @@ class StateGate:
         self._last_ns: int | None = None
         self.restarted = False
 
-    def admit(self, raw: RawState, now_ns: int) -> StateSample | Refusal:
-        """Return the state of a message, or why it must not be used.
+    def admit(
+        self, raw: RawState, now_ns: int, received_ns: int | None = None,
+    ) -> StateSample | Refusal:
+        """Return the checked state, or why it must not be used.
+
+        ``now_ns`` is the clock of the stamps [ns], ``received_ns`` when the state came [ns].
 
         Sets ``restarted`` when time has jumped back by more than the timeout (a bag that loops, a
         simulator that was started again): what was kept from before is then void.
@@ -145,7 +160,8 @@ class StateGate:
         self.restarted = self._last_ns is not None and raw.stamp_ns < self._last_ns
         self._last_ns = raw.stamp_ns
         omega_BN_B = np.array(raw.omega_BN_B, dtype=np.float64)
-        return StateSample(raw.stamp_ns, _rotation(raw.quaternion_xyzw), omega_BN_B)
+        return StateSample(
+            raw.stamp_ns, _rotation(raw.quaternion_xyzw), omega_BN_B, received_ns)
 
     def _bad_stamp(self, stamp_ns: int, now_ns: int) -> Refusal | None:
         """Return why a stamp cannot be trusted, None when it can."""

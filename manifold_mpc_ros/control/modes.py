@@ -3,7 +3,8 @@
 """The mode logic of the active controller: what is known at a tick in, the mode out.
 
 Nothing here knows ROS, a clock or the solver. `ModeLogic.decide` is the whole rule, the worst
-that applies first; docs/safety.md draws it.
+that applies first, and changes nothing; `ModeLogic.enter` takes its decision. docs/safety.md
+draws it.
 """
 
 from __future__ import annotations
@@ -40,10 +41,10 @@ class Mode(str, Enum):
 ACTING = frozenset({Mode.NOMINAL, Mode.HOLD, Mode.FALLBACK})
 
 
-class Plan(Enum):
-    """What became of the question to the solver."""
+class SolveOutcome(Enum):
+    """What became of the request to the solver."""
 
-    NOT_ASKED = 'not asked'
+    NOT_REQUESTED = 'not requested'
     USABLE = 'usable'
     NONE = 'none'
     BEYOND_GUARD = 'beyond guard'  # the implicit step is not guaranteed at this rate
@@ -55,21 +56,27 @@ class Facts:
 
     ``age_ns`` is the age of the newest valid state, the larger of what its stamp and what its
     receipt say; None before the first. ``held`` says whether a stored plan still covers this
-    tick, ``detail`` why the plan is what it is.
+    tick, ``detail`` why the outcome of the request is what it is.
     """
 
     age_ns: int | None
-    plan: Plan = Plan.NOT_ASKED
+    outcome: SolveOutcome = SolveOutcome.NOT_REQUESTED
     held: bool = False
     detail: str = ''
 
 
 @dataclass(frozen=True)
 class Decision:
-    """The mode of a tick, and the sentence that says why."""
+    """The mode of a tick, and the sentence that says why.
+
+    ``lost``: the state is too old, valid ones count anew. ``resumed``: this was the tick of zero
+    after time started again.
+    """
 
     mode: Mode
     reason: str
+    lost: bool = False
+    resumed: bool = False
 
 
 class ModeLogic:
@@ -143,6 +150,13 @@ class ModeLogic:
                 and not self._fault and not self._restarted and not self.paused
                 and not self._states_to_come)
 
+    def enter(self, decision: Decision) -> None:
+        """Take the decision of a tick: a restart is over, or a lost state has to come back."""
+        if decision.resumed:
+            self._restarted = False
+        if decision.lost:
+            self._states_to_come = REENTRY_STATES
+
     def decide(self, facts: Facts) -> Decision:
         """Return the mode of this tick: the worst that applies."""
         age_ns = facts.age_ns
@@ -153,26 +167,26 @@ class ModeLogic:
         if age_ns is None:
             return Decision(Mode.WAIT, 'waiting for the first valid state')
         if self._restarted:
-            self._restarted = False
-            return Decision(Mode.WAIT, 'time started again')
+            return Decision(Mode.WAIT, 'time started again', resumed=True)
         if self.paused:
             return Decision(Mode.PAUSED, 'paused by the operator')
         if age_ns > self._timeout_ns:
-            return self._coast(f'the state is {age_ns / _NANOSECONDS:.3f} s old')
+            return Decision(Mode.COAST, _old(age_ns), lost=True)
         if self._states_to_come:
             came = REENTRY_STATES - self._states_to_come
             return Decision(Mode.COAST, f'{came} of {REENTRY_STATES} valid states after the last '
                                         'one was too old')
         if age_ns <= self._propagate_ns:
-            if facts.plan is Plan.USABLE:
+            if facts.outcome is SolveOutcome.USABLE:
                 return Decision(Mode.NOMINAL, facts.detail)
-            if facts.plan is Plan.BEYOND_GUARD or not facts.held:
+            if facts.outcome is SolveOutcome.BEYOND_GUARD or not facts.held:
                 return Decision(Mode.FALLBACK, facts.detail)
             return Decision(Mode.HOLD, facts.detail)
-        old = f'the state is {age_ns / _NANOSECONDS:.3f} s old'
-        return Decision(Mode.HOLD, old) if facts.held else self._coast(f'{old}, without a plan')
+        if facts.held:
+            return Decision(Mode.HOLD, _old(age_ns))
+        return Decision(Mode.COAST, f'{_old(age_ns)}, without a plan', lost=True)
 
-    def _coast(self, reason: str) -> Decision:
-        """Lose the state: valid ones count anew."""
-        self._states_to_come = REENTRY_STATES
-        return Decision(Mode.COAST, reason)
+
+def _old(age_ns: int) -> str:
+    """Say how old the state is."""
+    return f'the state is {age_ns / _NANOSECONDS:.3f} s old'

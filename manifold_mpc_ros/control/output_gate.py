@@ -5,69 +5,65 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from manifold_mpc_ros.control.fallback_law import scaled_into
-
-Array = NDArray[np.float64]
+from manifold_mpc_ros.control.actuator import Actuation, Actuator, Array
 
 #: On the way back to the optimiser the torque changes by at most this part of the limit a tick.
 SLEW_FRACTION = 0.5
 
 
 class OutputGate:
-    """Passes torques (3,) [N m]: zero for what is not finite, scaled into the limits else.
+    """Hands torques (3,) [N m] to the actuator: zero for what is not finite, else within limits.
 
     Arguments
     ---------
-    max_torque_n_m
-        Half widths of the box (3,), inf where there is no limit; None for no limit at all.
+    actuator
+        What limits a torque, and turns it into the command of its devices.
 
     """
 
-    def __init__(self, max_torque_n_m: Array | None) -> None:
+    def __init__(self, actuator: Actuator) -> None:
         """Start at zero torque."""
-        self.set_limit(max_torque_n_m)
-        self.latest_B_n_m = np.zeros(3)
+        self.set_actuator(actuator)
+        self.latest = actuator.allocate(np.zeros(3))
         self.not_finite = 0
         self.saturated = 0
         self._returning = False
 
-    def set_limit(self, max_torque_n_m: Array | None) -> None:
-        """Keep these limits from now on."""
-        self._limit = np.full(3, np.inf) if max_torque_n_m is None else max_torque_n_m
+    def set_actuator(self, actuator: Actuator) -> None:
+        """Command this actuator from now on."""
+        self._actuator = actuator
 
     def slew(self) -> None:
         """Come back without a jump: change gradually until what is asked for is reached."""
         self._returning = True
 
-    def let_through(self, torque_B_n_m: Array) -> Array:
-        """Return the torque that is commanded, the direction of what is asked for kept."""
+    def let_through(self, torque_B_n_m: Array) -> Actuation:
+        """Return the command for a torque, the direction of what is asked for kept."""
         asked = np.asarray(torque_B_n_m, dtype=np.float64)
         if asked.shape != (3,) or not np.isfinite(asked).all():
             self.not_finite += 1
             asked = np.zeros(3)
-        if (np.abs(asked) > self._limit).any():
-            self.saturated += 1
-            asked = scaled_into(asked, self._limit)
+        limited = self._actuator.limited(asked)
+        self.saturated += limited is not asked
         if self._returning:
-            asked = self._towards(asked)
-        self.latest_B_n_m = asked
-        return asked
+            limited = self._towards(limited)
+        self.latest = self._actuator.allocate(limited)
+        return self.latest
 
-    def zero(self) -> Array:
-        """Return zero, at once."""
+    def zero(self) -> Actuation:
+        """Return the command for zero torque, at once."""
         self._returning = False
-        self.latest_B_n_m = np.zeros(3)
-        return self.latest_B_n_m
+        self.latest = self._actuator.allocate(np.zeros(3))
+        return self.latest
 
     def _towards(self, asked: Array) -> Array:
         """Return the torque on the straight line to what is asked for that may be reached now."""
         with np.errstate(over='ignore'):
-            change = asked - self.latest_B_n_m
+            change = asked - self.latest.torque_B_n_m
         if not np.isfinite(change).all():  # without a limit, from one end of floats to the other
             self._returning = False
             return asked
-        part = scaled_into(change, SLEW_FRACTION * self._limit)
-        self._returning = not np.array_equal(part, change)
-        return self.latest_B_n_m + part if self._returning else asked
+        step = self._actuator.limited(change, SLEW_FRACTION)
+        self._returning = step is not change
+        return self.latest.torque_B_n_m + step if self._returning else asked

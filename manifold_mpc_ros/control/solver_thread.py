@@ -1,9 +1,9 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The solver behind a question and an answer: at once, or in a thread that may be late.
+"""Requests to the solver: answered at once, or by a thread within a budget of wall clock.
 
-The thread exists so that a solver that hangs, or takes longer than its budget, delays no tick. It
-needs a solver that lets other threads run while it works.
+A solve that does not come within its budget delays no tick. Its result is handed over once, by
+`late_result`, when it has come. The solver has to let other threads run while it works.
 """
 
 from __future__ import annotations
@@ -19,10 +19,11 @@ from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution
 
 
 @dataclass(frozen=True, eq=False)
-class Question:
-    """A state to plan from: the time it is for [ns], and whether to forget the warm start.
+class SolveRequest:
+    """A state to plan from: R_NB, omega_BN_B [rad/s] at ``time_ns`` [ns], to reach R_ND.
 
-    ``epoch`` tells answers apart that were asked for before everything was forgotten.
+    ``cold`` asks to forget the warm start. ``epoch`` tells requests apart that were made before
+    everything was forgotten.
     """
 
     time_ns: int
@@ -34,28 +35,28 @@ class Question:
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
-    """What became of a question: a solution, or the error that the solver raised."""
+class SolveResult:
+    """What became of a request: a solution, or the error that the solver raised."""
 
-    question: Question
+    request: SolveRequest
     solution: AttitudeMpcSolution | None
     error: str = ''
 
 
-Solve = Callable[[Question], AttitudeMpcSolution]
+Solve = Callable[[SolveRequest], AttitudeMpcSolution]
 
 
-class Planner(Protocol):
+class SolverRunner(Protocol):
     """What the control loop needs of a solver."""
 
-    def ask(self, question: Question) -> Answer | None:
-        """Return the answer, None when it does not come in time."""
+    def solve(self, request: SolveRequest) -> SolveResult | None:
+        """Return the result, None when it does not come in time."""
 
-    def late(self) -> Answer | None:
-        """Return an answer that came after its time, once."""
+    def late_result(self) -> SolveResult | None:
+        """Return a result that came after its time, once."""
 
     def close(self) -> None:
-        """Ask no more."""
+        """Solve no more."""
 
 
 class Solver(Protocol):
@@ -72,43 +73,43 @@ class Solver(Protocol):
 
 
 def solve_with(solver: Solver, max_solve_time_s: float | None = None) -> Solve:
-    """Return the function that answers questions with a solver, in its own time or in this."""
-    def solve(question: Question) -> AttitudeMpcSolution:
-        if question.cold:
+    """Return the function that answers requests with a solver, in its own time or in this [s]."""
+    def solve(request: SolveRequest) -> AttitudeMpcSolution:
+        if request.cold:
             solver.reset()
-        return solver.solve(question.R_NB, question.omega_BN_B, question.R_ND,
+        return solver.solve(request.R_NB, request.omega_BN_B, request.R_ND,
                             max_solve_time_s=max_solve_time_s)
 
     return solve
 
 
-class DirectPlanner:
-    """Answers in the caller's thread, whatever it takes: for lockstep."""
+class DirectSolver:
+    """Solves in the caller's thread, whatever time it takes: for lockstep."""
 
     def __init__(self, solve: Solve) -> None:
-        """Wait for the first question."""
+        """Wait for the first request."""
         self._solve = solve
 
-    def ask(self, question: Question) -> Answer:
-        """Return the answer."""
-        return _answered(self._solve, question)
+    def solve(self, request: SolveRequest) -> SolveResult:
+        """Return the result."""
+        return _result_of(self._solve, request)
 
-    def late(self) -> None:
-        """Return nothing: no answer is late."""
+    def late_result(self) -> None:
+        """Return nothing: no result is late."""
 
     def close(self) -> None:
         """Do nothing: there is no thread."""
 
 
-class ThreadPlanner:
-    """Answers within a budget, or later.
+class SolverThread:
+    """Solves in a thread: results come within a budget, or later.
 
     Arguments
     ---------
     solve
-        Called in the thread, one question at a time.
+        Called in the thread, one request at a time.
     budget_s
-        Wall clock that `ask` waits [s].
+        Wall clock that a call of `solve` waits [s].
     prepare
         Called once in the thread before anything else.
 
@@ -117,57 +118,57 @@ class ThreadPlanner:
     def __init__(
         self, solve: Solve, budget_s: float, prepare: Callable[[], None] = lambda: None,
     ) -> None:
-        """Start the thread, which does not keep the process from ending."""
+        """Start the thread, a daemon: the process ends without joining it."""
         self._budget_s = budget_s
-        self._questions: queue.SimpleQueue[Question | None] = queue.SimpleQueue()
-        self._answers: queue.SimpleQueue[Answer] = queue.SimpleQueue()
+        self._requests: queue.SimpleQueue[SolveRequest | None] = queue.SimpleQueue()
+        self._results: queue.SimpleQueue[SolveResult] = queue.SimpleQueue()
         self._busy = False
-        self.late_answers = 0
+        self.late_results = 0
         threading.Thread(
             target=self._work, args=(solve, prepare), name='solver', daemon=True).start()
 
-    def ask(self, question: Question) -> Answer | None:
-        """Return the answer if it comes within the budget; at once None while an old one is due.
+    def solve(self, request: SolveRequest) -> SolveResult | None:
+        """Return the result if it comes within the budget; at once None while an old one is due.
 
-        Call `late` first: its answer would be taken for that of this question.
+        Call `late_result` first: its result would be taken for that of this request.
         """
         if self._busy:
             return None
         self._busy = True
-        self._questions.put(question)
+        self._requests.put(request)
         try:
-            answer = self._answers.get(timeout=self._budget_s)
+            result = self._results.get(timeout=self._budget_s)
         except queue.Empty:
-            self.late_answers += 1
+            self.late_results += 1
             return None
         self._busy = False
-        return answer
+        return result
 
-    def late(self) -> Answer | None:
-        """Return the answer that the last `ask` did not wait for, if it has come."""
+    def late_result(self) -> SolveResult | None:
+        """Return the result that the last `solve` did not wait for, if it has come."""
         if not self._busy:
             return None
         try:
-            answer = self._answers.get_nowait()
+            result = self._results.get_nowait()
         except queue.Empty:
             return None
         self._busy = False
-        return answer
+        return result
 
     def close(self) -> None:
-        """Let the thread end when it has answered."""
-        self._questions.put(None)
+        """Let the thread end when it has solved what was requested."""
+        self._requests.put(None)
 
     def _work(self, solve: Solve, prepare: Callable[[], None]) -> None:
-        """Answer questions until there are no more."""
+        """Solve requests until there are no more."""
         prepare()
-        while (question := self._questions.get()) is not None:
-            self._answers.put(_answered(solve, question))
+        while (request := self._requests.get()) is not None:
+            self._results.put(_result_of(solve, request))
 
 
-def _answered(solve: Solve, question: Question) -> Answer:
-    """Return the answer to a question; whatever the solver raises is one too."""
+def _result_of(solve: Solve, request: SolveRequest) -> SolveResult:
+    """Return the result of a request; whatever the solver raises is one too."""
     try:
-        return Answer(question, solve(question))
+        return SolveResult(request, solve(request))
     except Exception as error:  # noqa: BLE001  (said on /diagnostics by the one who asked)
-        return Answer(question, None, f'{type(error).__name__}: {error}')
+        return SolveResult(request, None, f'{type(error).__name__}: {error}')

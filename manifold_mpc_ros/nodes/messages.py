@@ -15,7 +15,7 @@ from nav_msgs.msg import Odometry, Path
 from sensor_msgs.msg import Imu
 
 from manifold_mpc_ros.config.checks import FloatArray
-from manifold_mpc_ros.control.input_gate import NANOSECONDS, RawState, StateSample
+from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample
 from manifold_mpc_ros.lie import so3
 
 #: First element of a covariance: the quantity is not provided (REP-145).
@@ -41,32 +41,6 @@ def to_stamp(stamp_ns: int) -> Time:
     """Return nanoseconds as a stamp."""
     seconds, rest = divmod(stamp_ns, NANOSECONDS)
     return Time(sec=seconds, nanosec=rest)
-
-
-def from_odometry(message: Odometry) -> RawState:
-    """Return attitude (pose) and body rate (twist, child frame) of an odometry message."""
-    rate = message.twist.twist.angular
-    return RawState(
-        stamp_ns=nanoseconds(message.header.stamp),
-        inertial_frame_id=message.header.frame_id,
-        body_frame_id=message.child_frame_id,
-        quaternion_xyzw=quaternion_values(message.pose.pose.orientation),
-        omega_BN_B=(rate.x, rate.y, rate.z),
-    )
-
-
-def from_imu(message: Imu) -> RawState:
-    """Return orientation and angular velocity of an IMU whose axes are the body's."""
-    rate = message.angular_velocity
-    return RawState(
-        stamp_ns=nanoseconds(message.header.stamp),
-        inertial_frame_id=None,
-        body_frame_id=message.header.frame_id,
-        quaternion_xyzw=quaternion_values(message.orientation),
-        omega_BN_B=(rate.x, rate.y, rate.z),
-        has_attitude=message.orientation_covariance[0] != NOT_PROVIDED,
-        has_rate=message.angular_velocity_covariance[0] != NOT_PROVIDED,
-    )
 
 
 def quaternion_values(quaternion: Quaternion) -> tuple[float, float, float, float]:

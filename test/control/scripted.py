@@ -9,9 +9,10 @@ import dataclasses
 import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.control.control_loop import ControlLoop, Law
-from manifold_mpc_ros.control.input_gate import StateSample
-from manifold_mpc_ros.control.solver_thread import DirectPlanner, solve_with
+from manifold_mpc_ros.control.command import Law
+from manifold_mpc_ros.control.control_loop import ControlLoop
+from manifold_mpc_ros.control.input_gate import StateGate, StateSample
+from manifold_mpc_ros.control.solver_thread import DirectSolver, solve_with
 from manifold_mpc_ros.errors import StepExistenceError
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
@@ -63,11 +64,17 @@ class Script:
             self.cost, 3, 1e-4, self.status, 0.0, 0.0, False, 0.9, 0.5)
 
 
+def gate() -> StateGate:
+    return StateGate('inertial', 'base_link', step_s=CONFIG.step_s, timeout_s=TIMEOUT_S,
+                     timed=False)
+
+
 def loop_with(
     solver: Script, config: AttitudeMpcConfig = CONFIG, setpoint: str = 'identity',
 ) -> ControlLoop:
     return ControlLoop(
-        Law(config, DirectPlanner(solve_with(solver)), TIMEOUT_S), initial_setpoint=setpoint)
+        Law(config, DirectSolver(solve_with(solver)), TIMEOUT_S), gate(),
+        initial_setpoint=setpoint)
 
 
 def failed(solver: Script) -> None:

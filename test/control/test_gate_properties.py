@@ -28,8 +28,8 @@ from manifold_mpc_ros.control.input_gate import (
     admit_setpoint,
     admit_torque,
 )
+from manifold_mpc_ros.control.publisher_watch import PublisherWatch
 from manifold_mpc_ros.nodes.controller.tick_timing import AnswerTiming, TickTiming, arrival_s
-from manifold_mpc_ros.nodes.publisher_watch import WriterWatch
 
 SECOND = 10**9
 stamps = st.integers(-2**31 * SECOND, 2**31 * SECOND) | st.integers(9 * SECOND, 13 * SECOND)
@@ -121,7 +121,7 @@ gaps = st.lists(st.integers(1, 30), min_size=1, max_size=60)
 def test_a_writer_that_loses_messages_and_is_started_again_is_one(
     first: list[int], second: list[int],
 ) -> None:
-    watch = WriterWatch()
+    watch = PublisherWatch()
     for lost in (first, second):
         number = 0
         for gap in lost:
@@ -136,7 +136,7 @@ def test_two_writers_are_seen_whatever_their_numbers_and_rates(
     ahead: int, every: int, losses: list[bool],
 ) -> None:
     """One message of the second comes after ``every`` of the first, some of which are lost."""
-    watch, seen = WriterWatch(), False
+    watch, seen = PublisherWatch(), False
     for count in range(1, 20 * every + 1):
         if not losses[count % len(losses)] or count % every == 0:
             seen = watch.note(ahead + count) or seen
@@ -146,7 +146,7 @@ def test_two_writers_are_seen_whatever_their_numbers_and_rates(
 
 
 def test_a_middleware_without_numbers_says_nothing() -> None:
-    watch = WriterWatch()
+    watch = PublisherWatch()
     assert not any(watch.note(None) for _ in range(100))
 
 

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from properties import PROPERTY
 
-from manifold_mpc_ros.control.held_plan import HeldPlan, is_valid
+from manifold_mpc_ros.control.held_plan import HeldPlan, Offer, is_valid
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 
 STEP_NS = 500
@@ -73,20 +73,27 @@ def test_what_is_better_than_the_stored_plan(
 ) -> None:
     held = HeldPlan(STEP_NS)
     held.keep(plan(), 0, GOAL)
-    assert held.accepts(solution, STEP_NS, GOAL) == better
+    assert (held.offer(solution, STEP_NS, GOAL) is Offer.STORED) == better
 
 
 def test_a_plan_out_of_its_life_or_for_another_goal_is_no_rival() -> None:
     worse = plan(cost=2.0)
-    held = HeldPlan(STEP_NS)
-    assert held.accepts(worse, 0, GOAL)
-    held.keep(plan(), 0, GOAL)
-    assert not held.accepts(worse, 5 * STEP_NS, GOAL)
-    assert held.accepts(worse, 6 * STEP_NS, GOAL)
-    assert held.accepts(worse, STEP_NS, np.diag([1.0, -1.0, -1.0]))
-    held.keep(plan(promised=-1.0), 0, GOAL)
-    assert held.accepts(plan(cost=-1.0 + 1e-7), STEP_NS, GOAL)
-    assert not held.accepts(plan(cost=-1.0 + 1e-5), STEP_NS, GOAL)
+    assert HeldPlan(STEP_NS).offer(worse, 0, GOAL) is Offer.STORED
+    for rival, time_ns, R_ND, offer in (
+            (worse, 5 * STEP_NS, GOAL, Offer.WORSE), (worse, 6 * STEP_NS, GOAL, Offer.STORED),
+            (worse, STEP_NS, np.diag([1.0, -1.0, -1.0]), Offer.STORED)):
+        held = HeldPlan(STEP_NS)
+        held.keep(plan(), 0, GOAL)
+        assert held.offer(rival, time_ns, R_ND) is offer
+        torque = held.torque(time_ns)
+        if offer is Offer.STORED:
+            np.testing.assert_array_equal(torque, rival.torque_B_n_m)
+        else:
+            np.testing.assert_array_equal(torque, plan().torques_B_n_m[5])
+    for excess, offer in ((1e-7, Offer.STORED), (1e-5, Offer.WORSE)):
+        held = HeldPlan(STEP_NS)
+        held.keep(plan(promised=-1.0), 0, GOAL)
+        assert held.offer(plan(cost=-1.0 + excess), STEP_NS, GOAL) is offer
 
 
 @pytest.mark.parametrize('field', ['torque_B_n_m', 'torques_B_n_m'])
@@ -96,4 +103,4 @@ def test_a_plan_with_a_torque_that_is_not_finite_is_none(field: str) -> None:
     broken = dataclasses.replace(plan(status=SolveStatus.CONVERGED), **{field: torques})
     assert is_valid(plan())
     assert not is_valid(broken)
-    assert not HeldPlan(STEP_NS).accepts(broken, 0, GOAL)
+    assert HeldPlan(STEP_NS).offer(broken, 0, GOAL) is Offer.INVALID

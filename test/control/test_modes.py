@@ -14,16 +14,17 @@ from manifold_mpc_ros.control.modes import (
     ACTING,
     MOST_INTERNAL_ERRORS,
     REENTRY_STATES,
+    Decision,
     Facts,
     Mode,
     ModeLogic,
-    Plan,
+    SolveOutcome,
 )
 
 STEP_NS = 10
 TIMEOUT_NS = 50
 PROPAGATE_NS = 20
-GOOD = Facts(0, Plan.USABLE, detail='solved')
+GOOD = Facts(0, SolveOutcome.USABLE, detail='solved')
 
 
 def logic_with_state() -> ModeLogic:
@@ -32,22 +33,34 @@ def logic_with_state() -> ModeLogic:
     return logic
 
 
+def decided(logic: ModeLogic, facts: Facts) -> Decision:
+    """Decide a tick, and take the decision."""
+    decision = logic.decide(facts)
+    logic.enter(decision)
+    return decision
+
+
 @pytest.mark.parametrize(('facts', 'mode', 'reason'), [
     (Facts(None), Mode.WAIT, 'waiting for the first valid state'),
     (GOOD, Mode.NOMINAL, 'solved'),
-    (Facts(PROPAGATE_NS, Plan.USABLE), Mode.NOMINAL, ''),
-    (Facts(0, Plan.NONE, held=True, detail='late'), Mode.HOLD, 'late'),
-    (Facts(0, Plan.NONE, detail='late'), Mode.FALLBACK, 'late'),
-    (Facts(0, Plan.BEYOND_GUARD, held=True, detail='fast'), Mode.FALLBACK, 'fast'),
+    (Facts(PROPAGATE_NS, SolveOutcome.USABLE), Mode.NOMINAL, ''),
+    (Facts(0, SolveOutcome.NONE, held=True, detail='late'), Mode.HOLD, 'late'),
+    (Facts(0, SolveOutcome.NONE, detail='late'), Mode.FALLBACK, 'late'),
+    (Facts(0, SolveOutcome.BEYOND_GUARD, held=True, detail='fast'), Mode.FALLBACK, 'fast'),
     (Facts(PROPAGATE_NS + 1, held=True), Mode.HOLD, 'the state is 0.000 s old'),
-    (Facts(PROPAGATE_NS + 1, Plan.USABLE), Mode.COAST, 'the state is 0.000 s old, without a plan'),
+    (Facts(PROPAGATE_NS + 1, SolveOutcome.USABLE), Mode.COAST,
+     'the state is 0.000 s old, without a plan'),
     (Facts(TIMEOUT_NS, held=True), Mode.HOLD, 'the state is 0.000 s old'),
-    (Facts(TIMEOUT_NS + 1, Plan.USABLE, held=True), Mode.COAST, 'the state is 0.000 s old'),
+    (Facts(TIMEOUT_NS + 1, SolveOutcome.USABLE, held=True), Mode.COAST,
+     'the state is 0.000 s old'),
     (Facts(3 * 10**9, held=True), Mode.COAST, 'the state is 3.000 s old'),
 ])
 def test_one_tick(facts: Facts, mode: Mode, reason: str) -> None:
-    decision = logic_with_state().decide(facts)
+    logic = logic_with_state()
+    decision = logic.decide(facts)
     assert (decision.mode, decision.reason) == (mode, reason)
+    assert logic.decide(facts) == decision  # nothing has changed by asking
+    assert logic.wants_plan(0)
 
 
 def test_a_timeout_below_two_steps_bounds_the_propagation() -> None:
@@ -62,32 +75,32 @@ def test_a_timeout_below_two_steps_bounds_the_propagation() -> None:
 
 def test_a_lost_state_comes_back_after_five_valid_ones_in_a_row() -> None:
     logic = logic_with_state()
-    assert logic.decide(Facts(TIMEOUT_NS + 1)).mode is Mode.COAST
+    assert decided(logic, Facts(TIMEOUT_NS + 1)).mode is Mode.COAST
     for count in range(REENTRY_STATES - 1):
-        decision = logic.decide(GOOD)
+        decision = decided(logic, GOOD)
         assert decision.mode is Mode.COAST
         assert decision.reason == f'{count} of 5 valid states after the last one was too old'
         assert not logic.wants_plan(0)
         logic.see()
-    assert logic.decide(Facts(TIMEOUT_NS + 1)).mode is Mode.COAST  # lost again: count anew
+    assert decided(logic, Facts(TIMEOUT_NS + 1)).mode is Mode.COAST  # lost again: count anew
     for _ in range(REENTRY_STATES):
-        assert logic.decide(GOOD).mode is Mode.COAST
+        assert decided(logic, GOOD).mode is Mode.COAST
         logic.see()
     assert logic.wants_plan(0)
-    assert logic.decide(GOOD).mode is Mode.NOMINAL
-    assert logic.decide(Facts(0, Plan.NONE)).mode is Mode.FALLBACK
+    assert decided(logic, GOOD).mode is Mode.NOMINAL
+    assert decided(logic, Facts(0, SolveOutcome.NONE)).mode is Mode.FALLBACK
 
 
 def test_a_fault_latches_with_its_first_reason_until_a_reset() -> None:
     logic = logic_with_state()
     logic.fault('two publishers')
     logic.fault('something else')
-    decision = logic.decide(GOOD)
+    decision = decided(logic, GOOD)
     assert (decision.mode, decision.reason) == (
         Mode.FAULT, 'two publishers (zero until ~/reset)')
     assert not logic.wants_plan(0)
     logic.reset()
-    assert logic.decide(GOOD).mode is Mode.NOMINAL
+    assert decided(logic, GOOD).mode is Mode.NOMINAL
 
 
 def test_a_pause_outlives_a_reset_and_an_old_state() -> None:
@@ -95,7 +108,7 @@ def test_a_pause_outlives_a_reset_and_an_old_state() -> None:
     logic.paused = True
     assert not logic.wants_plan(0)
     logic.reset()
-    decision = logic.decide(Facts(TIMEOUT_NS + 1))
+    decision = decided(logic, Facts(TIMEOUT_NS + 1))
     assert (decision.mode, decision.reason) == (Mode.PAUSED, 'paused by the operator')
     logic.paused = False
     assert logic.wants_plan(0)
@@ -105,12 +118,12 @@ def test_time_that_started_again_is_one_tick_of_zero() -> None:
     logic = logic_with_state()
     logic.restart()
     assert not logic.wants_plan(0)
-    decision = logic.decide(GOOD)
+    decision = decided(logic, GOOD)
     assert (decision.mode, decision.reason) == (Mode.WAIT, 'time started again')
-    assert logic.decide(GOOD).mode is Mode.NOMINAL
+    assert decided(logic, GOOD).mode is Mode.NOMINAL
     logic.restart()
     logic.reset()
-    assert logic.decide(GOOD).mode is Mode.NOMINAL
+    assert decided(logic, GOOD).mode is Mode.NOMINAL
 
 
 def test_errors_in_a_row_latch_and_others_do_not() -> None:
@@ -134,8 +147,8 @@ def test_the_end_is_final() -> None:
     logic.fault('first')
     logic.stop()
     logic.reset()
-    assert logic.decide(GOOD).mode is Mode.STOPPING
-    assert logic.decide(GOOD).reason == 'stopping'
+    assert decided(logic, GOOD).mode is Mode.STOPPING
+    assert decided(logic, GOOD).reason == 'stopping'
     assert logic.fail('why').mode is Mode.STOPPING
     assert not logic.wants_plan(0)
 
@@ -147,8 +160,8 @@ def test_a_start_after_the_end_waits_anew() -> None:
     logic.stop()
     logic.start()
     assert logic.wants_plan(0)
-    assert logic.decide(Facts(None)).mode is Mode.WAIT
-    assert logic.decide(GOOD).mode is Mode.NOMINAL
+    assert decided(logic, Facts(None)).mode is Mode.WAIT
+    assert decided(logic, GOOD).mode is Mode.NOMINAL
 
 
 class Histories(RuleBasedStateMachine):
@@ -208,10 +221,10 @@ class Histories(RuleBasedStateMachine):
         assert self.mode not in ACTING
 
     @rule(facts=st.builds(
-        Facts, st.none() | st.integers(0, 300), st.sampled_from(Plan), st.booleans()))
+        Facts, st.none() | st.integers(0, 300), st.sampled_from(SolveOutcome), st.booleans()))
     def tick(self, facts: Facts) -> None:
         wanted = self.logic.wants_plan(facts.age_ns)
-        decision = self.logic.decide(facts)
+        decision = decided(self.logic, facts)
         self.logic.succeed()
         self.errors = 0
         self.mode = mode = decision.mode
@@ -233,14 +246,14 @@ class Histories(RuleBasedStateMachine):
         assert not self.restarted
         assert not self.lost or self.states >= REENTRY_STATES
         self.lost = False
-        usable = facts.plan is Plan.USABLE and facts.age_ns <= self.propagate_ns
+        usable = facts.outcome is SolveOutcome.USABLE and facts.age_ns <= self.propagate_ns
         assert (mode is Mode.NOMINAL) == usable
         assert wanted == (facts.age_ns <= self.propagate_ns)
         if mode is Mode.HOLD:
             assert facts.held
         if mode is Mode.FALLBACK:
             assert facts.age_ns <= self.propagate_ns
-            assert facts.plan is Plan.BEYOND_GUARD or not facts.held
+            assert facts.outcome is SolveOutcome.BEYOND_GUARD or not facts.held
 
     @invariant()
     def what_is_latched_stays(self) -> None:

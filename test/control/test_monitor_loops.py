@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from reference import advance
 from strategies import generator
 
-from manifold_mpc_ros.control.decrease_monitor import PromiseMonitor, monitor_for
-from manifold_mpc_ros.control.decrease_record import PromiseRecord, Verdict
+from manifold_mpc_ros.control.decrease_monitor import DecreaseMonitor, monitor_for
+from manifold_mpc_ros.control.decrease_record import Decrease, DecreaseRecord
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
@@ -37,7 +37,7 @@ SUBSTEPS = 5
 STATES = [*rest_states(1), *random_states('monitor', 4, 0.15)]
 
 
-def watch_over(mpc: AttitudeMpc, **changes: float) -> PromiseMonitor:
+def watch_over(mpc: AttitudeMpc, **changes: float) -> DecreaseMonitor:
     return monitor_for(mpc.config, mpc.terminal.P, **{**SHIPPED, **changes})
 
 
@@ -53,7 +53,7 @@ def body(mpc: AttitudeMpc, *, inertia: float = 1.0, disturbance: Any = (0.0, 0.0
 
 
 def watched(mpc: AttitudeMpc, state: tuple[Array, Array], move: Move, *, jitter_s: float = 0.0,
-            noise: float = 0.0, delay_s: float = 0.0, **changes: float) -> list[PromiseRecord]:
+            noise: float = 0.0, delay_s: float = 0.0, **changes: float) -> list[DecreaseRecord]:
     """Return the records of a closed loop from a cold start, with jitter of the ticks."""
     mpc.reset()
     monitor, rng = watch_over(mpc, **changes), generator('watched')
@@ -69,7 +69,7 @@ def watched(mpc: AttitudeMpc, state: tuple[Array, Array], move: Move, *, jitter_
     return records
 
 
-def loops(mpc: AttitudeMpc, move: Move, **changes: Any) -> list[list[PromiseRecord]]:
+def loops(mpc: AttitudeMpc, move: Move, **changes: Any) -> list[list[DecreaseRecord]]:
     """Return the closed loops that start in D_N with something to do, most of them."""
     found = [watched(mpc, state, move, **changes) for state in STATES]
     inside = [records for records in found if records[0].in_domain and records[0].value > 1.0]
@@ -77,9 +77,9 @@ def loops(mpc: AttitudeMpc, move: Move, **changes: Any) -> list[list[PromiseReco
     return inside
 
 
-def broken(records: list[PromiseRecord]) -> list[int]:
+def broken(records: list[DecreaseRecord]) -> list[int]:
     """Return the ticks at which a promise was broken."""
-    return [tick for tick, record in enumerate(records) if record.verdict is Verdict.BROKEN]
+    return [tick for tick, record in enumerate(records) if record.verdict is Decrease.BROKEN]
 
 
 @pytest.mark.parametrize('target', TARGETS)
@@ -131,7 +131,7 @@ def test_a_constant_disturbance_is_warned_of(controller: Make, size: float) -> N
     mpc = controller(**CERTIFIED)
     for records in loops(mpc, body(mpc, disturbance=size * np.array([1.0, -1.0, 0.5]))):
         assert broken(records)
-        assert all(record.verdict is Verdict.BROKEN for record in records[-5:])
+        assert all(record.verdict is Decrease.BROKEN for record in records[-5:])
         assert records[-1].relative_excess == pytest.approx(1.0, abs=0.05)
 
 

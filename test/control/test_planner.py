@@ -10,18 +10,25 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from scripted import CONFIG, OMEGA, R_NB, SAMPLE, STEP_NS, TIMEOUT_S, Script
+from scripted import CONFIG, OMEGA, R_NB, SAMPLE, STEP_NS, TIMEOUT_S, Script, gate
 
-from manifold_mpc_ros.control.control_loop import ControlLoop, Law
+from manifold_mpc_ros.control.command import Law
+from manifold_mpc_ros.control.control_loop import ControlLoop
 from manifold_mpc_ros.control.input_gate import StateSample
 from manifold_mpc_ros.control.modes import Mode
-from manifold_mpc_ros.control.solver_thread import Answer, Question, ThreadPlanner, solve_with
+from manifold_mpc_ros.control.solver_thread import (
+    SolveRequest,
+    SolveResult,
+    SolverThread,
+    solve_with,
+)
+from manifold_mpc_ros.control.tick_time import ClockTime
 from manifold_mpc_ros.errors import DesignError, ManifoldMpcError
 from manifold_mpc_ros.nodes.controller.background_build import Rebuild
 
 PATIENCE_S = 30.0
 BUDGET_S = 0.02
-QUESTION = Question(7, R_NB, OMEGA, np.eye(3), cold=True)
+REQUEST = SolveRequest(7, R_NB, OMEGA, np.eye(3), cold=True)
 
 
 def until(result: Callable[[], object]) -> object:
@@ -33,99 +40,99 @@ def until(result: Callable[[], object]) -> object:
     return found
 
 
-class Gate:
+class HeldSolver:
     """A solver that answers when it may."""
 
     def __init__(self) -> None:
         self.script, self.open = Script(20), threading.Event()
 
-    def __call__(self, question: Question) -> object:
+    def __call__(self, request: SolveRequest) -> object:
         self.open.wait(PATIENCE_S)
-        return solve_with(self.script, 0.25)(question)
+        return solve_with(self.script, 0.25)(request)
 
 
 def test_an_answer_in_time_and_the_budget_is_passed_on() -> None:
-    gate, prepared = Gate(), threading.Event()
-    gate.open.set()
-    planner = ThreadPlanner(gate, PATIENCE_S, prepared.set)
-    answer = planner.ask(QUESTION)
-    assert isinstance(answer, Answer)
-    assert answer.question is QUESTION
-    assert answer.solution is not None
-    assert (gate.script.budget_s, gate.script.resets, prepared.is_set()) == (0.25, 1, True)
-    assert planner.late() is None
-    assert planner.late_answers == 0
-    planner.close()
+    held, prepared = HeldSolver(), threading.Event()
+    held.open.set()
+    solver = SolverThread(held, PATIENCE_S, prepared.set)
+    result = solver.solve(REQUEST)
+    assert isinstance(result, SolveResult)
+    assert result.request is REQUEST
+    assert result.solution is not None
+    assert (held.script.budget_s, held.script.resets, prepared.is_set()) == (0.25, 1, True)
+    assert solver.late_result() is None
+    assert solver.late_results == 0
+    solver.close()
 
 
 def test_a_late_answer_delays_nobody_and_comes_once() -> None:
-    gate = Gate()
-    planner = ThreadPlanner(gate, BUDGET_S)
+    held = HeldSolver()
+    solver = SolverThread(held, BUDGET_S)
     begun_s = time.monotonic()
-    assert planner.ask(QUESTION) is None
+    assert solver.solve(REQUEST) is None
     assert time.monotonic() - begun_s >= BUDGET_S
     for _ in range(100):  # at once, while the old one is due
-        assert planner.ask(QUESTION) is None
-    assert planner.late() is None
-    assert planner.late_answers == 1
-    gate.open.set()
-    answer = until(planner.late)
-    assert isinstance(answer, Answer)
-    assert answer.solution is not None
-    assert planner.late() is None
-    assert until(lambda: planner.ask(QUESTION)) is not None
-    planner.close()
+        assert solver.solve(REQUEST) is None
+    assert solver.late_result() is None
+    assert solver.late_results == 1
+    held.open.set()
+    result = until(solver.late_result)
+    assert isinstance(result, SolveResult)
+    assert result.solution is not None
+    assert solver.late_result() is None
+    assert until(lambda: solver.solve(REQUEST)) is not None
+    solver.close()
 
 
 def test_an_error_of_the_solver_is_an_answer() -> None:
-    def broken(_question: Question) -> object:
+    def broken(_question: SolveRequest) -> object:
         raise ZeroDivisionError('no such torque')
 
-    planner = ThreadPlanner(broken, PATIENCE_S)
+    solver = SolverThread(broken, PATIENCE_S)
     for _ in range(3):  # and the thread goes on
-        answer = planner.ask(QUESTION)
-        assert isinstance(answer, Answer)
-        assert (answer.solution, answer.error) == (None, 'ZeroDivisionError: no such torque')
-    planner.close()
+        result = solver.solve(REQUEST)
+        assert isinstance(result, SolveResult)
+        assert (result.solution, result.error) == (None, 'ZeroDivisionError: no such torque')
+    solver.close()
 
 
 def test_a_loop_with_a_late_solver_holds_falls_back_and_takes_the_late_plan() -> None:
-    gate = Gate()
-    gate.open.set()
-    planner = ThreadPlanner(gate, PATIENCE_S)
-    loop = ControlLoop(Law(CONFIG, planner, TIMEOUT_S), initial_setpoint='identity')
+    held = HeldSolver()
+    held.open.set()
+    solver = SolverThread(held, PATIENCE_S)
+    loop = ControlLoop(Law(CONFIG, solver, TIMEOUT_S), gate(), initial_setpoint='identity')
 
     def tick(number: int) -> Mode:
         now_ns = SAMPLE.stamp_ns + number * STEP_NS
         loop.admit(StateSample(now_ns, R_NB, OMEGA))
-        return loop.tick(now_ns).mode
+        return loop.tick(ClockTime(now_ns)).mode
 
     assert tick(0) is Mode.NOMINAL
-    gate.open.clear()
-    planner._budget_s = BUDGET_S
+    held.open.clear()
+    solver._budget_s = BUDGET_S
     assert [tick(number) for number in range(1, 8)] == [*[Mode.HOLD] * 5, *[Mode.FALLBACK] * 2]
-    gate.open.set()
-    until(lambda: None if planner._answers.empty() else True)
-    planner._budget_s = PATIENCE_S
-    gate.open.set()
+    held.open.set()
+    until(lambda: None if solver._results.empty() else True)
+    solver._budget_s = PATIENCE_S
+    held.open.set()
     assert tick(8) is Mode.NOMINAL
     loop.reset()
     loop.close()
 
 
 def test_an_answer_from_before_a_reset_is_forgotten() -> None:
-    gate = Gate()
-    planner = ThreadPlanner(gate, BUDGET_S)
-    loop = ControlLoop(Law(CONFIG, planner, TIMEOUT_S), initial_setpoint='identity')
+    held = HeldSolver()
+    solver = SolverThread(held, BUDGET_S)
+    loop = ControlLoop(Law(CONFIG, solver, TIMEOUT_S), gate(), initial_setpoint='identity')
     loop.admit(SAMPLE)
-    assert loop.tick(SAMPLE.stamp_ns).mode is Mode.FALLBACK
+    assert loop.tick(ClockTime(SAMPLE.stamp_ns)).mode is Mode.FALLBACK
     loop.reset()
-    gate.open.set()
-    until(lambda: None if planner._answers.empty() else True)
-    gate.open.clear()
+    held.open.set()
+    until(lambda: None if solver._results.empty() else True)
+    held.open.clear()
     loop.admit(SAMPLE)
-    assert loop.tick(SAMPLE.stamp_ns).mode is Mode.FALLBACK  # and not its plan
-    gate.open.set()
+    assert loop.tick(ClockTime(SAMPLE.stamp_ns)).mode is Mode.FALLBACK  # and not its plan
+    held.open.set()
     loop.close()
 
 

@@ -25,10 +25,11 @@ from scripted import (
 )
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.control.control_loop import Law
+from manifold_mpc_ros.control.command import Law
 from manifold_mpc_ros.control.input_gate import StateSample
 from manifold_mpc_ros.control.modes import Mode
-from manifold_mpc_ros.control.solver_thread import DirectPlanner, solve_with
+from manifold_mpc_ros.control.solver_thread import DirectSolver, solve_with
+from manifold_mpc_ros.control.tick_time import LOCKSTEP, ClockTime
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.solution import SolveStatus
@@ -45,7 +46,7 @@ def test_without_a_plan_the_fallback_law_turns_the_body_to_its_goal(
     R, omega = R_NB, 3.0 * OMEGA
     for _ in range(220):
         loop.admit(StateSample(SAMPLE.stamp_ns, R, omega))
-        command = loop.tick(None)
+        command = loop.tick(LOCKSTEP)
         assert (command.mode, command.source) == (Mode.FALLBACK, 'fallback')
         assert np.isfinite(command.torque_B_n_m).all()
         if config.max_torque_n_m is not None:
@@ -65,7 +66,7 @@ def test_one_failure_is_bridged_by_the_stored_plan(spoil: object) -> None:
     modes = []
     for tick in range(10):
         loop.admit(StateSample(SAMPLE.stamp_ns + tick * STEP_NS, R_NB, OMEGA))
-        command = loop.tick(None)
+        command = loop.tick(LOCKSTEP)
         modes.append(command.mode)
         spoil(solver)
         if command.mode is Mode.HOLD:
@@ -79,30 +80,31 @@ def test_a_plan_whose_time_ran_out_is_used_where_it_is_no_worse_than_the_stored_
     solver = Script()
     loop = loop_with(solver)
     loop.admit(SAMPLE)
-    loop.tick(None)
+    loop.tick(LOCKSTEP)
     solver.status, solver.cost = SolveStatus.FEASIBLE, 0.95  # the plan promised 0.9
     loop.admit(StateSample(SAMPLE.stamp_ns + STEP_NS, R_NB, OMEGA))
-    command = loop.tick(None)
+    command = loop.tick(LOCKSTEP)
     assert (command.mode, command.reason) == (
         Mode.HOLD, 'solver: feasible, worse than the stored plan')
     loop.aim(so3.exp([0.0, 0.0, 0.1]))  # the old value says nothing about another setpoint
-    assert loop.tick(None).mode is Mode.NOMINAL
+    assert loop.tick(LOCKSTEP).mode is Mode.NOMINAL
     solver.cost = 0.9
-    assert loop.tick(None).mode is Mode.NOMINAL
+    assert loop.tick(LOCKSTEP).mode is Mode.NOMINAL
 
 
 def test_beyond_the_existence_guard_the_torque_brakes_with_all_it_has() -> None:
     loop = loop_with(Script())
     omega = np.array([3.0, -2.0, 1.0])
     loop.admit(StateSample(SAMPLE.stamp_ns, R_NB, omega))
-    command = loop.tick(None)
+    command = loop.tick(LOCKSTEP)
     assert command.mode is Mode.FALLBACK
     braking = CONFIG.inertia_kg_m2 @ omega
     part = command.torque_B_n_m / braking
     np.testing.assert_allclose(part, part[0])
     assert part[0] < 0.0
     assert np.max(np.abs(command.torque_B_n_m) / CONFIG.max_torque_n_m) == pytest.approx(1.0)
-    later = loop.tick(SAMPLE.stamp_ns + STEP_NS // 2)  # no step to move it on with, either
+    # No step to move it on with, either.
+    later = loop.tick(ClockTime(SAMPLE.stamp_ns + STEP_NS // 2))
     assert later.mode is Mode.FALLBACK
     assert np.isfinite(later.torque_B_n_m).all()
 
@@ -111,25 +113,25 @@ def test_a_new_start_of_time_is_one_tick_of_zero_and_forgets_the_warm_start() ->
     solver = Script()
     loop = loop_with(solver)
     loop.admit(SAMPLE)
-    loop.tick(None)
-    loop.tick(None)
+    loop.tick(LOCKSTEP)
+    loop.tick(LOCKSTEP)
     assert solver.resets == 1
     loop.admit(SAMPLE, restarted=True)
-    command = loop.tick(None)
+    command = loop.tick(LOCKSTEP)
     assert (command.mode, command.reason) == (Mode.WAIT, 'time started again')
     assert not command.torque_B_n_m.any()
-    assert loop.tick(None).mode is Mode.NOMINAL
+    assert loop.tick(LOCKSTEP).mode is Mode.NOMINAL
     assert solver.resets == 2
 
 
 def test_a_clock_that_goes_back_waits_for_a_state_of_the_new_time() -> None:
     loop = loop_with(Script())
     loop.admit(SAMPLE)
-    loop.tick(SAMPLE.stamp_ns)
+    loop.tick(ClockTime(SAMPLE.stamp_ns))
     loop.go_back()
-    assert loop.tick(5).mode is Mode.WAIT
+    assert loop.tick(ClockTime(5)).mode is Mode.WAIT
     loop.admit(StateSample(6, R_NB, OMEGA))
-    assert loop.tick(7).mode is Mode.NOMINAL
+    assert loop.tick(ClockTime(7)).mode is Mode.NOMINAL
 
 
 def test_errors_of_our_own_are_zero_and_latch_when_they_go_on() -> None:
@@ -141,12 +143,12 @@ def test_errors_of_our_own_are_zero_and_latch_when_they_go_on() -> None:
         assert not command.torque_B_n_m.any()
         assert command.stamp_ns == SAMPLE.stamp_ns
         assert 'no such thing' in command.reason
-    assert loop.tick(None).mode is Mode.FAULT
+    assert loop.tick(LOCKSTEP).mode is Mode.FAULT
     loop.reset()
     loop.admit(SAMPLE)
     for _ in range(5):
         assert loop.failed(5, 'now and then').mode is Mode.WAIT
-        assert loop.tick(None).mode is Mode.NOMINAL
+        assert loop.tick(LOCKSTEP).mode is Mode.NOMINAL
 
 
 def test_the_last_commands_are_zero() -> None:
@@ -155,19 +157,19 @@ def test_the_last_commands_are_zero() -> None:
     command = loop.stopped(5)
     assert (command.mode, command.source, command.stamp_ns) == (Mode.STOPPING, 'zero', 5)
     assert not command.torque_B_n_m.any()
-    assert loop.tick(None).mode is Mode.STOPPING
+    assert loop.tick(LOCKSTEP).mode is Mode.STOPPING
 
 
 def test_another_law_takes_over_and_the_stored_plan_stays() -> None:
     first, second = Script(20), Script(20)
     loop = loop_with(first, LONG)
     loop.admit(SAMPLE)
-    loop.tick(None)
+    loop.tick(LOCKSTEP)
     failed(second)
     smaller = dataclasses.replace(LONG, max_torque_n_m=np.full(3, 0.05))
-    loop.exchange(Law(smaller, DirectPlanner(solve_with(second)), TIMEOUT_S))
+    loop.exchange(Law(smaller, DirectSolver(solve_with(second)), TIMEOUT_S))
     loop.admit(StateSample(SAMPLE.stamp_ns + STEP_NS, R_NB, OMEGA))
-    command = loop.tick(None)
+    command = loop.tick(LOCKSTEP)
     assert command.mode is Mode.HOLD
     assert np.abs(command.torque_B_n_m).max() == pytest.approx(0.05)
     assert second.resets == 1

@@ -21,6 +21,8 @@ from nav_msgs.msg import Odometry
 from manifold_mpc_ros.control.input_gate import Refusal, StateGate, StateSample
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.nodes import messages
+from manifold_mpc_ros.nodes.imu_source import ImuSource
+from manifold_mpc_ros.nodes.odometry_source import OdometrySource
 
 FORM = messages.StateFormat('inertial', 'base_link', 1e-6, 1e-8)
 stamps_ns = st.integers(1, 2**31 * 10**9 - 1)
@@ -37,8 +39,8 @@ def test_a_state_survives_its_message(
     stamp_ns: int, R_NB: np.ndarray, omega: tuple, by_imu: bool,
 ) -> None:
     sample = StateSample(stamp_ns, R_NB, np.array(omega))
-    raw = (messages.from_imu(messages.to_imu(sample, FORM)) if by_imu
-           else messages.from_odometry(messages.to_odometry(sample, FORM)))
+    raw = (ImuSource().read('imu', messages.to_imu(sample, FORM)) if by_imu
+           else OdometrySource().read('odometry', messages.to_odometry(sample, FORM)))
     again = gate().admit(raw, stamp_ns)
     assert not isinstance(again, Refusal)
     assert again.stamp_ns == stamp_ns
@@ -67,7 +69,7 @@ def test_any_odometry_is_admitted_or_refused(
     x, y, z, w = quaternion
     message.pose.pose.orientation = Quaternion(x=x, y=y, z=z, w=w)
     message.twist.twist.angular = Vector3(x=rate[0], y=rate[1], z=rate[2])
-    admitted = gate().admit(messages.from_odometry(message), 10**9)
+    admitted = gate().admit(OdometrySource().read('odometry', message), 10**9)
     if not isinstance(admitted, Refusal):
         assert np.isfinite(admitted.R_NB).all()
         assert np.isfinite(admitted.omega_BN_B).all()

@@ -6,8 +6,9 @@ from __future__ import annotations
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from manifold_mpc_ros.control.control_loop import Command, ControlLoop
-from manifold_mpc_ros.control.decrease_record import Verdict
+from manifold_mpc_ros.control.command import Command
+from manifold_mpc_ros.control.control_loop import ControlLoop
+from manifold_mpc_ros.control.decrease_record import Decrease
 from manifold_mpc_ros.control.modes import Mode
 from manifold_mpc_ros.nodes.managed_node import Status
 
@@ -41,17 +42,17 @@ def status_of(command: Command | None, loop: ControlLoop, waiting: str) -> Statu
         status.values.update(
             solver_status=solution.status.value, iterations=solution.iterations,
             solve_time_us=solution.solve_time_s * 1e6, cost=float(solution.cost))
-    if command.promise is not None:
-        _add_promise(status, command)
+    if command.decrease is not None:
+        _add_decrease(status, command)
     return status
 
 
-def _add_promise(status: Status, command: Command) -> None:
-    """Add to a status what became of the promise of the last tick, and the warning if due."""
-    record = command.promise
+def _add_decrease(status: Status, command: Command) -> None:
+    """Add to a status how the value decreased since the last tick, and the warning if due."""
+    record = command.decrease
     assert record is not None
     words = {None: 'unknown', True: 'true', False: 'false'}
-    why_none = f' ({record.reason})' if record.verdict is Verdict.NONE else ''
+    why_none = f' ({record.reason})' if record.verdict is Decrease.NONE else ''
     status.values.update(
         value_function=record.value, promised_value=record.promised,
         decrease_excess=record.excess, relative_excess=record.relative_excess,

@@ -11,14 +11,14 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
 from manifold_mpc_ros.config.controller import ControllerConfig
-from manifold_mpc_ros.control.control_loop import Law
+from manifold_mpc_ros.control.command import Law
 from manifold_mpc_ros.control.decrease_monitor import monitor_for
 from manifold_mpc_ros.control.exit_with_parent import end_with_parent
 from manifold_mpc_ros.control.solver_thread import (
-    DirectPlanner,
-    Planner,
+    DirectSolver,
     Solver,
-    ThreadPlanner,
+    SolverRunner,
+    SolverThread,
     solve_with,
 )
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
@@ -39,18 +39,18 @@ def law_with(
     monitor = monitor_for(
         config.mpc, solver.terminal.P, decrease_tolerance=config.decrease_tolerance,
         attitude_noise_rad=config.attitude_noise_rad)
-    return Law(config.mpc, planner_for(solver, config, prepare), config.state_timeout_s, monitor,
+    return Law(config.mpc, runner_for(solver, config, prepare), config.state_timeout_s, monitor,
                solver.backend)
 
 
-def planner_for(
+def runner_for(
     solver: Solver, config: ControllerConfig, prepare: Callable[[], None],
-) -> Planner:
-    """Return what asks a solver: within its budget, or in lockstep however long it takes."""
+) -> SolverRunner:
+    """Return what runs a solver: in a thread within a budget; in lockstep in its own time."""
     if config.lockstep:
-        return DirectPlanner(solve_with(solver))
+        return DirectSolver(solve_with(solver))
     step_s = config.mpc.step_s
-    return ThreadPlanner(
+    return SolverThread(
         solve_with(solver, SOLVER_TIME * step_s), SOLVER_BUDGET * step_s, prepare)
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
+from manifold_mpc_ros.config.interfaces import actuator_topics, state_topics
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
 from manifold_mpc_ros.nodes.process import run
 from manifold_mpc_ros.nodes.usage import Program
@@ -18,10 +19,11 @@ PROGRAM = Program(
             'control on SO(3).',
     parameters=CONTROLLER_PARAMETERS,
     interfaces=(
-        ('odometry', 'nav_msgs/msg/Odometry', 'in: attitude (pose), body rate (twist)'),
-        ('imu', 'sensor_msgs/msg/Imu', 'in, instead: with state_source imu'),
+        *state_topics(),
         ('attitude_setpoint', 'geometry_msgs/msg/QuaternionStamped', 'in: commanded attitude'),
-        ('torque_command', 'geometry_msgs/msg/WrenchStamped', 'out: body torque [N m]'),
+        ('direction_setpoint', 'geometry_msgs/msg/Vector3Stamped',
+         'in, with target pointing: commanded direction'),
+        *actuator_topics(),
         ('~/prediction', 'nav_msgs/msg/Path', 'out: predicted attitudes'),
         ('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'out: mode, solver, refusals'),
         ('~/reset', 'std_srvs/srv/Trigger', 'forget state, setpoint and warm start'),

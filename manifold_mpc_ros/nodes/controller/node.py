@@ -9,15 +9,15 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import QuaternionStamped, Vector3Stamped, WrenchStamped
-from nav_msgs.msg import Odometry, Path
-from rclpy.duration import Duration
-from sensor_msgs.msg import Imu
+from geometry_msgs.msg import QuaternionStamped, Vector3Stamped
+from nav_msgs.msg import Path
 
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.controller import ControllerConfig
+from manifold_mpc_ros.config.interfaces import ACTUATORS
 from manifold_mpc_ros.config.parameter import Value
-from manifold_mpc_ros.control.control_loop import Command, ControlLoop, Law
+from manifold_mpc_ros.control.command import Command, Law
+from manifold_mpc_ros.control.control_loop import ControlLoop
 from manifold_mpc_ros.control.input_gate import (
     NANOSECONDS,
     RawState,
@@ -27,17 +27,19 @@ from manifold_mpc_ros.control.input_gate import (
     admit_direction,
     admit_setpoint,
 )
+from manifold_mpc_ros.control.tick_time import LOCKSTEP, ClockTime, TickTime
 from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.target import attitude_towards
 from manifold_mpc_ros.nodes import messages
+from manifold_mpc_ros.nodes.command_output import CommandOutput
 from manifold_mpc_ros.nodes.controller.diagnostics import status_of
 from manifold_mpc_ros.nodes.controller.law_factory import law_with
 from manifold_mpc_ros.nodes.controller.realtime import Realtime
 from manifold_mpc_ros.nodes.controller.run_time_parameters import LawChanges
 from manifold_mpc_ros.nodes.controller.tick_timing import AnswerTiming, TickTiming, arrival_s
 from manifold_mpc_ros.nodes.managed_node import INPUT_QOS, STATE_QOS, ManagedNode, Status
-from manifold_mpc_ros.nodes.publisher_watch import WriterWatch
+from manifold_mpc_ros.nodes.state_input import StateInput
 from manifold_mpc_ros.nodes.usage import Program
 from manifold_mpc_ros.terminal.design import TerminalDesign
 
@@ -70,20 +72,20 @@ class AttitudeControllerNode(ManagedNode):
         self._simulated_time = False
         self._realtime = Realtime(config.scheduler_priority, lock_memory=config.lock_memory)
         self._law = self._build_law(config)
-        self._loop = ControlLoop(self._law, initial_setpoint=config.initial_setpoint)
-        self._gate = StateGate(
+        gate = StateGate(
             config.inertial_frame_id, config.body_frame_id, step_s=config.mpc.step_s,
             timeout_s=config.state_timeout_s, timed=not config.lockstep)
-        self._writers = WriterWatch()
+        self._loop = ControlLoop(
+            self._law, gate, initial_setpoint=config.initial_setpoint,
+            make_actuator=ACTUATORS[config.actuator].load().from_config)
         self._command: Command | None = None
         self._ticks = self._setpoints = 0
         self._said: tuple[tuple[object, ...], float] = ((), 0.0)
-        self._torque = self.advertise(WrenchStamped, 'torque_command')
+        self._output = CommandOutput(self, config.actuator, config.body_frame_id)
         self._prediction = self.advertise(Path, '~/prediction')
-        on_state = {'odometry': (Odometry, self._on_odometry), 'imu': (Imu, self._on_imu)}
-        kind, callback = on_state[config.state_source]
+        self._states = StateInput(
+            self, config.state_source, STATE_QOS, self._on_state, self._on_duplicate)
         self._inputs = [
-            self.listen(kind, config.state_source, callback, STATE_QOS),
             self.listen(QuaternionStamped, 'attitude_setpoint', self._on_setpoint, INPUT_QOS),
         ]
         if config.mpc.target == 'pointing':
@@ -93,10 +95,11 @@ class AttitudeControllerNode(ManagedNode):
     def take_down(self) -> None:
         """Remove the interfaces; the solver goes with the loop."""
         self._loop.close()
+        self._states.close()
         for subscription in self._inputs:
             self.destroy_subscription(subscription)
-        for publisher in (self._torque, self._prediction):
-            self.destroy_lifecycle_publisher(publisher)
+        self._output.close()
+        self.destroy_lifecycle_publisher(self._prediction)
 
     def start(self) -> None:
         """Wait for the first state, ticking already unless in lockstep."""
@@ -121,19 +124,16 @@ class AttitudeControllerNode(ManagedNode):
             self.destroy_timer(self._timer)
         command = self._loop.stopped(
             self._now_ns() if self._command is None else self._command.stamp_ns)
-        zero = messages.to_torque(
-            command.stamp_ns, command.torque_B_n_m, self._config.body_frame_id)
         for _ in range(FINAL_ZEROS):
-            self._torque.publish(zero)
+            self._output.send(command.stamp_ns, command.actuation)
         self._command = command
         self.say(self.status())
-        self._torque.wait_for_all_acked(Duration(seconds=LONGEST_ACK_S))
+        self._output.wait_until_read(LONGEST_ACK_S)
 
     def reset(self) -> None:
         """Forget states, setpoint, plan, warm start and fault."""
         self._loop.reset()
-        self._gate.forget()
-        self._writers.forget()
+        self._states.forget()
         self._command = None
         self._last_ns = 0
 
@@ -175,7 +175,6 @@ class AttitudeControllerNode(ManagedNode):
             if law.monitor is not None and self._law.monitor is not None:
                 law.monitor.counters = self._law.monitor.counters
             self._loop.exchange(law)
-            self._gate.set_timeout(self._config.state_timeout_s)
             self._law = law
             self.get_logger().info('new parameters are in force')
 
@@ -191,32 +190,24 @@ class AttitudeControllerNode(ManagedNode):
         """Return the time of the node's clock, simulated or not."""
         return int(self.get_clock().now().nanoseconds)
 
-    def _on_odometry(self, message: Odometry, info: Mapping[str, Any]) -> None:
-        """Take a state from odometry."""
-        self._on_state(messages.from_odometry(message), info)
-
-    def _on_imu(self, message: Imu, info: Mapping[str, Any]) -> None:
-        """Take a state from an IMU."""
-        self._on_state(messages.from_imu(message), info)
-
-    def _on_state(self, raw: RawState, info: Mapping[str, Any]) -> None:
-        """Admit a state or count its refusal; in lockstep, answer."""
-        if not self.active:
+    def _on_state(self, read: RawState | Refusal, info: Mapping[str, Any]) -> None:
+        """Take a state or count its refusal; in lockstep, answer."""
+        if isinstance(read, Refusal):
+            self.refusals.add(self._config.state_source, read)
             return
-        turns = self._writers.note(info.get('publication_sequence_number'))
-        if turns and self._inputs[0].get_publisher_count() > 1:
-            self._loop.logic.fault(f'two publishers of {self._config.state_source}')
-        admitted = self._gate.admit(raw, self._now_ns())
-        if isinstance(admitted, Refusal):
-            self.refusals.add(self._config.state_source, admitted)
-            if self._config.lockstep and admitted.reason is Reason.DUPLICATE:
-                self._publish_again(raw.stamp_ns)
-            return
-        self._loop.admit(admitted, restarted=self._gate.restarted,
-                         received_ns=None if self._simulated_time else time.monotonic_ns())
-        if self._config.lockstep:
+        refusal = self._loop.receive(
+            read, self._now_ns(), None if self._simulated_time else time.monotonic_ns())
+        if refusal is not None:
+            self.refusals.add(self._config.state_source, refusal)
+            if self._config.lockstep and refusal.reason is Reason.DUPLICATE:
+                self._repeat(read.stamp_ns)
+        elif self._config.lockstep:
             begun_s = arrival_s(info)
-            self._publish(self._decided(None), begun_s)
+            self._publish(self._decided(LOCKSTEP), begun_s)
+
+    def _on_duplicate(self, topic: str) -> None:
+        """Command zero until a reset: which of two publishers is right nobody knows."""
+        self._loop.logic.fault(f'two publishers of {topic}')
 
     def _on_setpoint(self, message: QuaternionStamped) -> None:
         """Aim at a commanded attitude or count its refusal."""
@@ -248,31 +239,29 @@ class AttitudeControllerNode(ManagedNode):
         now_ns = self._now_ns()
         if now_ns < self._last_ns:
             self._loop.go_back()
-            self._gate.forget()
         self._last_ns = now_ns
         self._timing.begin(now_ns / NANOSECONDS if self._simulated_time else begun_s)
-        self._publish(self._decided(now_ns), begun_s)
+        self._publish(self._decided(ClockTime(
+            now_ns, None if self._simulated_time else time.monotonic_ns())), begun_s)
 
-    def _decided(self, now_ns: int | None) -> Command:
+    def _decided(self, at: TickTime) -> Command:
         """Return the command of a tick, zero where an error of our own came between."""
         try:
             self._take_change()
-            received = None if now_ns is None or self._simulated_time else time.monotonic_ns()
-            return self._loop.tick(now_ns, received)
+            return self._loop.tick(at)
         except Exception as error:  # noqa: BLE001  (no tick without a command)
             self.barrier.note('tick', error)
-            return self._loop.failed(now_ns or 0, str(error))
+            return self._loop.failed(at, str(error))
 
     def _publish(self, command: Command, begun_s: float) -> None:
         """Publish a command, and the prediction behind it when somebody looks."""
-        self._torque.publish(messages.to_torque(
-            command.stamp_ns, command.torque_B_n_m, self._config.body_frame_id))
+        self._output.send(command.stamp_ns, command.actuation)
         self._timing.end(time.monotonic() - begun_s)
         self._command = command
         self._ticks += 1
-        promise = command.promise
-        if promise is not None and promise.burst:
-            self.get_logger().warning(f'tick {self._ticks}: {promise.reason}')
+        decrease = command.decrease
+        if decrease is not None and decrease.burst:
+            self.get_logger().warning(f'tick {self._ticks}: {decrease.reason}')
         self._say_what_is_new(command)
         if command.solution is not None and self._prediction.get_subscription_count() > 0:
             pointing = self._config.mpc.target == 'pointing'
@@ -283,17 +272,16 @@ class AttitudeControllerNode(ManagedNode):
 
     def _say_what_is_new(self, command: Command) -> None:
         """Publish diagnostics in lockstep, when something has changed, and now and then."""
-        promise = command.promise
+        decrease = command.decrease
         news = (command.mode, self._setpoints, self._law,
-                promise is not None and (promise.verdict, bool(promise.warning)))
+                decrease is not None and (decrease.verdict, bool(decrease.warning)))
         now_s = time.monotonic()
         said, said_s = self._said
         if self._config.lockstep or news != said or now_s - said_s >= DIAGNOSTICS_GAP_S:
             self._said = news, now_s
             self.publish_diagnostics()
 
-    def _publish_again(self, stamp_ns: int) -> None:
-        """Repeat the answer to a state that is repeated, to the bit."""
+    def _repeat(self, stamp_ns: int) -> None:
+        """Publish the answer to a state that is repeated again, to the bit."""
         if self._command is not None and self._command.stamp_ns == stamp_ns:
-            self._torque.publish(messages.to_torque(
-                stamp_ns, self._command.torque_B_n_m, self._config.body_frame_id))
+            self._output.send(stamp_ns, self._command.actuation)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.config.parameter import Value
-from manifold_mpc_ros.control.control_loop import Law
+from manifold_mpc_ros.control.command import Law
 from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.nodes.controller.background_build import Rebuild
 from manifold_mpc_ros.nodes.controller.law_factory import designed_elsewhere

@@ -7,6 +7,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
+from manifold_mpc_ros.config.interfaces import state_topics
 from manifold_mpc_ros.config.tables import MARKERS_NAME, MARKERS_PARAMETERS
 from manifold_mpc_ros.nodes.process import run
 from manifold_mpc_ros.nodes.usage import Program
@@ -18,8 +19,7 @@ PROGRAM = Program(
             'torque.',
     parameters=MARKERS_PARAMETERS,
     interfaces=(
-        ('odometry', 'nav_msgs/msg/Odometry', 'in: attitude (pose)'),
-        ('imu', 'sensor_msgs/msg/Imu', 'in, instead: with state_source imu'),
+        *state_topics(),
         ('attitude_setpoint', 'geometry_msgs/msg/QuaternionStamped', 'in: commanded attitude'),
         ('direction_setpoint', 'geometry_msgs/msg/Vector3Stamped', 'in: commanded direction'),
         ('torque_command', 'geometry_msgs/msg/WrenchStamped', 'in: body torque [N m]'),

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import QuaternionStamped, Vector3Stamped, WrenchStamped
-from nav_msgs.msg import Odometry, Path
+from nav_msgs.msg import Path
 from rclpy.subscription import Subscription
-from sensor_msgs.msg import Imu
 from visualization_msgs.msg import MarkerArray
 
 from manifold_mpc_ros.config.parameter import Value
@@ -27,6 +26,7 @@ from manifold_mpc_ros.control.input_gate import (
 from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.managed_node import INPUT_QOS, OUTPUT_QOS, ManagedNode, Status
 from manifold_mpc_ros.nodes.markers.shapes import Picture, markers
+from manifold_mpc_ros.nodes.state_input import StateInput
 
 #: A viewer needs no more pictures than this [s].
 PERIOD_S = 0.05
@@ -46,15 +46,13 @@ class AttitudeMarkersNode(ManagedNode):
         self._frames = (str(values['inertial_frame_id']), str(values['body_frame_id']))
         self._scale = float(values['torque_length_per_n_m'])  # type: ignore[arg-type]
         self._publisher = self.create_lifecycle_publisher(MarkerArray, '~/markers', OUTPUT_QOS)
-        source = str(values['state_source'])
-        kind, read = {'odometry': (Odometry, messages.from_odometry),
-                      'imu': (Imu, messages.from_imu)}[source]
+        self._state_source = str(values['state_source'])
+        self._states: StateInput | None = None
         # Setpoints come seldom: one that nobody saw coming is drawn all the same.
         self._always = self._subscribe((
             (QuaternionStamped, 'attitude_setpoint', self._on_attitude),
             (Vector3Stamped, 'direction_setpoint', self._on_direction)))
         self._streams = (
-            (kind, source, lambda message: self._on_state(read(message))),
             (WrenchStamped, 'torque_command', self._on_torque),
             (Path, 'attitude_controller/prediction', self._on_prediction))
         self._while_looked_at: list[Subscription] = []
@@ -62,7 +60,7 @@ class AttitudeMarkersNode(ManagedNode):
     def take_down(self) -> None:
         """Remove the interfaces."""
         self._unsubscribe(self._always)
-        self._unsubscribe(self._while_looked_at)
+        self._look_away()
         self.destroy_lifecycle_publisher(self._publisher)
 
     def start(self) -> None:
@@ -96,14 +94,22 @@ class AttitudeMarkersNode(ManagedNode):
     def _on_timer(self) -> None:
         """Listen while somebody looks, and publish the picture when it is new."""
         looked_at = self._publisher.get_subscription_count() > 0
-        if looked_at and not self._while_looked_at:
+        if looked_at and self._states is None:
+            self._states = StateInput(self, self._state_source, INPUT_QOS, self._on_state)
             self._while_looked_at = self._subscribe(self._streams)
-        elif not looked_at and self._while_looked_at:
-            self._unsubscribe(self._while_looked_at)
+        elif not looked_at:
+            self._look_away()
         if looked_at and self._fresh and not self._paused:
             self._publisher.publish(markers(self._picture))
             self._fresh = False
             self._drawn += 1
+
+    def _look_away(self) -> None:
+        """Listen to nothing but setpoints."""
+        self._unsubscribe(self._while_looked_at)
+        if self._states is not None:
+            self._states.close()
+            self._states = None
 
     def _subscribe(self, wanted: Iterable[tuple[type, str, Callback]]) -> list[Subscription]:
         """Subscribe to topics, each with its type and callback."""
@@ -115,11 +121,9 @@ class AttitudeMarkersNode(ManagedNode):
         while subscriptions:
             self.destroy_subscription(subscriptions.pop())
 
-    def _on_state(self, raw: RawState) -> None:
+    def _on_state(self, read: RawState | Refusal, _info: Mapping[str, Any]) -> None:
         """Take a state."""
-        if not self.active:
-            return
-        admitted = self._gate.admit(raw, 0)
+        admitted = read if isinstance(read, Refusal) else self._gate.admit(read, 0)
         if isinstance(admitted, Refusal):
             self.refusals.add('state', admitted)
             return

@@ -24,9 +24,9 @@ from manifold_mpc_ros.control.input_gate import (
     StateSample,
     admit_torque,
 )
+from manifold_mpc_ros.control.publisher_watch import PublisherWatch
 from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.managed_node import INPUT_QOS, ManagedNode, Status
-from manifold_mpc_ros.nodes.publisher_watch import WriterWatch
 from manifold_mpc_ros.sim.pacing import Ask, FreeRun, Lockstep, Patience
 from manifold_mpc_ros.sim.plant_loop import PlantLoop
 
@@ -57,7 +57,7 @@ class LgviSimulatorNode(ManagedNode):
         self._imu = self.advertise(Imu, 'imu')
         self._clock_publisher = self.advertise(Clock, '/clock') if config.publish_clock else None
         self._torque = self.listen(WrenchStamped, 'torque_command', self._on_torque, INPUT_QOS)
-        self._writers = WriterWatch()
+        self._torque_publishers = PublisherWatch()
 
     def take_down(self) -> None:
         """Remove the interfaces."""
@@ -85,7 +85,7 @@ class LgviSimulatorNode(ManagedNode):
             callback = self._on_free_timer
             self._free.start(time.monotonic())
             self._publish_state()
-        self._writers.forget()
+        self._torque_publishers.forget()
         self._timer = self.tick_every(period_s, 'plant', callback)
 
     def stop(self) -> None:
@@ -95,7 +95,7 @@ class LgviSimulatorNode(ManagedNode):
     def reset(self) -> None:
         """Put the plant back to its initial state; time goes on."""
         self._loop.reset()
-        self._writers.forget()
+        self._torque_publishers.forget()
         if self._exchange.asking:
             self._ask()
 
@@ -128,7 +128,7 @@ class LgviSimulatorNode(ManagedNode):
         """Put a torque in force or count its refusal; in lockstep, let time go on."""
         if not self.active:
             return
-        turns = self._writers.note(info.get('publication_sequence_number'))
+        turns = self._torque_publishers.note(info.get('publication_sequence_number'))
         if turns and self._torque.get_publisher_count() > 1:
             self._loop.latch('two publishers of torque_command')
         torque = self._admitted(message)

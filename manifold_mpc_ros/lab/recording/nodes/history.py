@@ -18,6 +18,7 @@ from manifold_mpc_ros.lab.recording.nodes.listener import Listener
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.managed_node import INPUT_QOS
+from manifold_mpc_ros.nodes.odometry_source import OdometrySource
 
 NODE_NAME = 'manifold_mpc_recorder'
 
@@ -97,7 +98,7 @@ class Recorder(Listener):
 
     def _on_odometry(self, message: Odometry) -> None:
         """Record a state."""
-        state = messages.from_odometry(message)
+        state = OdometrySource().read('odometry', message)
         x, y, z, w = state.quaternion_xyzw
         self._stamps_ns.append(state.stamp_ns)
         self._attitudes.append(so3.rotation_from_quaternion([w, x, y, z]))

@@ -1,24 +1,24 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Who publishes: two writers of one topic are told from one that was started again."""
+"""Duplicate publishers: two of one topic are told from one that was started again."""
 
 from __future__ import annotations
 
 from collections import deque
 
-#: So many changes from writer to writer among so many messages are two that take turns.
+#: So many changes of publisher among so many messages: two publish in turn.
 MOST_TURNS, TURN_MESSAGES = 3, 20
-#: A writer that comes back where it had left off is alive; seen so often, it is no chance.
+#: A publisher that goes on where it had left off is alive; seen so often, it is no chance.
 MOST_RETURNS, RETURN_MESSAGES = 2, 400
-#: Messages that may be lost while another writer has the word.
+#: Messages that may be lost while another publisher is heard.
 LONGEST_GAP = 200
 
 
-class WriterWatch:
-    """Reads the numbers that each writer gives its messages, from 1, one more every time.
+class PublisherWatch:
+    """Reads the sequence numbers of a topic's messages, which each publisher counts from 1.
 
-    The numbers of one writer only grow. A writer that is started again begins anew, once; two
-    writers at a time go back and forth.
+    The numbers of one publisher only grow. A publisher that is started again begins anew, once;
+    with two at a time the numbers go back and forth.
     """
 
     def __init__(self) -> None:
@@ -34,7 +34,7 @@ class WriterWatch:
         self._returns: deque[int] = deque()
 
     def note(self, number: int | None) -> bool:
-        """Note a message by its number; return whether two writers take turns."""
+        """Note a message by its sequence number; return whether two publishers take turns."""
         self._seen += 1
         if number is None:  # this middleware does not tell
             return False

@@ -1,0 +1,55 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the control loop works with, and what comes out of it at each tick."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.control.actuator import Actuation
+from manifold_mpc_ros.control.decrease_monitor import DecreaseMonitor
+from manifold_mpc_ros.control.decrease_record import DecreaseRecord
+from manifold_mpc_ros.control.modes import Mode
+from manifold_mpc_ros.control.solver_thread import SolverRunner
+from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution
+
+#: Where a torque comes from, by mode; the others command zero.
+_SOURCES = {Mode.NOMINAL: 'mpc', Mode.HOLD: 'plan', Mode.FALLBACK: 'fallback'}
+
+
+@dataclass(frozen=True)
+class Command:
+    """One decided command: finite, within the limits, and why it is what it is.
+
+    ``stamp_ns`` is the stamp of the state that it answers [ns].
+    """
+
+    stamp_ns: int
+    actuation: Actuation
+    mode: Mode
+    reason: str
+    solution: AttitudeMpcSolution | None = None
+    decrease: DecreaseRecord | None = None
+
+    @property
+    def torque_B_n_m(self) -> FloatArray:
+        """The body torque (3,) that is asked of the actuator [N m]."""
+        return self.actuation.torque_B_n_m
+
+    @property
+    def source(self) -> str:
+        """Where the torque comes from: 'mpc', 'plan', 'fallback' or 'zero'."""
+        return _SOURCES.get(self.mode, 'zero')
+
+
+@dataclass(frozen=True)
+class Law:
+    """A control law that is ready to work: its configuration, its solver, and who judges it."""
+
+    config: AttitudeMpcConfig
+    solver: SolverRunner
+    timeout_s: float
+    monitor: DecreaseMonitor | None = None
+    backend: str = ''
