@@ -70,10 +70,16 @@ def message_class(message_type: str) -> Any:
 
 
 def state_topics() -> tuple[tuple[str, str, str], ...]:
-    """Return name, type and meaning of every topic of a state source, for ``--help``."""
+    """Return name, type and meaning of every topic of a state source, for ``--help``.
+
+    The first kind is the shipped one; of the others the meaning is how to choose it.
+    """
+    first, *others = STATE_SOURCES
     return tuple(
-        (topic.name, topic.message_type, f'in, with state_source {kind}: {topic.meaning}')
-        for kind, source in STATE_SOURCES.items() for topic in source.topics)
+        (topic.name, topic.message_type, f'in: {topic.meaning}')
+        for topic in STATE_SOURCES[first].topics) + tuple(
+        (topic.name, topic.message_type, f'in, instead: with state_source {kind}')
+        for kind in others for topic in STATE_SOURCES[kind].topics)
 
 
 def actuator_topics() -> tuple[tuple[str, str, str], ...]:
