@@ -21,7 +21,7 @@ PROGRAM = Program(
     interfaces=(
         *state_topics(),
         ('attitude_setpoint', 'geometry_msgs/msg/QuaternionStamped', 'in: commanded attitude'),
-        ('direction_setpoint', 'geometry_msgs/msg/Vector3Stamped', 'in, target pointing: direction'),
+        ('direction_setpoint', 'geometry_msgs/msg/Vector3Stamped', 'in: commanded direction'),
         *actuator_topics(),
         ('~/prediction', 'nav_msgs/msg/Path', 'out: predicted attitudes'),
         ('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'out: mode, solver, refusals'),
