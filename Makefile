@@ -5,7 +5,7 @@
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help setup test lint types pytest test-processors coverage demo figures golden bench clean
+.PHONY: help setup test lint types pytest test-processors coverage demo figures golden policies bench clean
 
 # The first that runs; the ROS wheels are tested with 3.11. Override with PYTHON=...
 PYTHON ?= $(firstword $(foreach p,python3.11 python3,$(shell $(p) -c '' 2> /dev/null && echo $(p))))
@@ -77,6 +77,9 @@ figures: $(STAMP)  ## Reproduce the four figures of the paper
 
 bench: $(STAMP) $(PEERS)  ## Compare the solver with others, side by side on one core
 	@$(BIN)/manifold-mpc bench $(BENCH_ARGS)
+
+policies: $(STAMP)  ## Write the SROS2 policies again, from what the executables declare
+	@$(BIN)/python -m manifold_mpc_ros.lab.security.policies config/sros2
 
 golden: $(STAMP)  ## Record the golden bags of the tests again
 	@$(BIN)/python test/recording/record_golden.py

@@ -70,20 +70,20 @@ def message_class(message_type: str) -> Any:
 
 
 def state_topics() -> tuple[tuple[str, str, str], ...]:
-    """Return name, type and meaning of every topic of a state source, for ``--help``.
+    """Return name, type and meaning of every topic of a state source.
 
     The first kind is the shipped one; of the others the meaning is how to choose it.
     """
     first, *others = STATE_SOURCES
     return tuple(
-        (topic.name, topic.message_type, f'in: {topic.meaning}')
+        (topic.name, topic.message_type, topic.meaning)
         for topic in STATE_SOURCES[first].topics) + tuple(
-        (topic.name, topic.message_type, f'in, instead: with state_source {kind}')
+        (topic.name, topic.message_type, f'with state_source {kind}')
         for kind in others for topic in STATE_SOURCES[kind].topics)
 
 
 def actuator_topics() -> tuple[tuple[str, str, str], ...]:
-    """Return name, type and meaning of every topic of an actuator, once, for ``--help``."""
+    """Return name, type and meaning of every topic of an actuator, once."""
     return tuple(dict.fromkeys(
-        (topic.name, topic.message_type, f'out: {topic.meaning}')
+        (topic.name, topic.message_type, topic.meaning)
         for actuator in ACTUATORS.values() for topic in actuator.topics))

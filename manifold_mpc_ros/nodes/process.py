@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 from manifold_mpc_ros.config.yaml_file import check_parameter_file
 from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.nodes.security import demand_keystore
 from manifold_mpc_ros.nodes.usage import Arguments, Program, parse_arguments
 
 if TYPE_CHECKING:
@@ -81,11 +82,12 @@ def run(program: Program, node_class: str, argv: Sequence[str] | None = None) ->
 def _run_checked(
     program: Program, node_class: str, argv: Sequence[str] | None, stop: StopRequest,
 ) -> int:
-    """Check arguments and parameter files, then run the node."""
+    """Check arguments, parameter files and the keystore, then run the node."""
     arguments = parse_arguments(program, sys.argv[1:] if argv is None else argv)
     try:
         for path in arguments.parameter_files:
             check_parameter_file(path)
+        demand_keystore(os.environ)
     except ConfigurationError as error:
         return _fail(program, error)
     try:

@@ -27,8 +27,17 @@ def demand_enforcement(environment: Mapping[str, str], node: str) -> None:
             raise ConfigurationError(
                 'secure', True, f'false, or {name}={wanted} in the environment of {node} '
                 f'(it is {found!r}; docs/security.md)')
+    demand_keystore(environment)
+
+
+def demand_keystore(environment: Mapping[str, str]) -> None:
+    """Raise ConfigurationError where rcl will look for a keystore and none is named.
+
+    rcl itself ends without a reason then ("error not set", rcl 9.2).
+    """
     keystore = environment.get(KEYSTORE, '')
-    if not (Path(keystore) / 'enclaves').is_dir():
+    enforced = all(environment.get(name) == wanted for name, wanted in _WANTED.items())
+    if enforced and not (Path(keystore) / 'enclaves').is_dir():
         raise ConfigurationError(
-            'secure', True, f'false, or {KEYSTORE} naming a keystore with its enclaves '
-            f'(it is {keystore!r}; docs/security.md)')
+            KEYSTORE, keystore, 'a keystore, which has a folder enclaves, while '
+            f'{ENABLE}=true and {STRATEGY}=Enforce (docs/security.md)')

@@ -13,17 +13,25 @@ from dataclasses import dataclass
 from manifold_mpc_ros.config.parameter import ParameterSpec, Value
 
 _WIDTH = 97
+#: Topics or services: name, type, meaning.
+Interfaces = tuple[tuple[str, str, str], ...]
 
 
 @dataclass(frozen=True)
 class Program:
-    """One executable: its names, its parameters, and its topics and services in words."""
+    """One executable: its names, its parameters, and the topics and services of its own.
+
+    The help and the security policies (config/sros2) are made from it. What every lifecycle node
+    has (transitions, parameters, /rosout) is not listed.
+    """
 
     executable: str
     node_name: str
     summary: str
     parameters: tuple[ParameterSpec, ...]
-    interfaces: tuple[tuple[str, str, str], ...]
+    subscribes: Interfaces
+    publishes: Interfaces
+    replies: Interfaces
 
 
 @dataclass(frozen=True)
@@ -74,11 +82,19 @@ def _epilog(program: Program) -> str:
         '',
         f'node {program.node_name}, topics and services:',
     ]
-    lines += [f'  {name:<20} {kind:<37} {meaning}' for name, kind, meaning in program.interfaces]
+    lines += _interfaces(program)
     lines += ['', 'parameters [unit] = shipped value (* a parameter file has to give it):']
     for spec in program.parameters:
         lines += _parameter(spec)
     return '\n'.join(lines)
+
+
+def _interfaces(program: Program) -> list[str]:
+    """Return one line of help on each topic and service."""
+    return [f'  {name:<20} {kind:<37} {direction}{meaning}'
+            for direction, interfaces in (('in: ', program.subscribes),
+                                          ('out: ', program.publishes), ('', program.replies))
+            for name, kind, meaning in interfaces]
 
 
 def _parameter(spec: ParameterSpec) -> list[str]:

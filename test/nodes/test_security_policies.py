@@ -1,6 +1,8 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The SROS2 policies: exactly what each participant opens, seen on DDS; the refusal to go without.
+"""The SROS2 policies: made from the tables, and exactly what running nodes open, seen on DDS.
+
+The refusal to go without security.
 
 Enforcement itself is in `test_security_enforcement.py`.
 """
@@ -16,24 +18,33 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 
+from rclpy.node import Node
+from visualization_msgs.msg import MarkerArray
+
 from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.lab.security.policies import COMMANDS, policies
 from manifold_mpc_ros.nodes.security import demand_enforcement
 
 if TYPE_CHECKING:
     from harness import Rig
 
 SROS2 = Path(__file__).parents[2] / 'config' / 'sros2'
-NODES = ('attitude_controller', 'lgvi_simulator')
-#: (parameters of the controller, of the simulator): together they open everything there is.
-CONFIGURATIONS = [
-    ({'target': 'pointing', 'use_sim_time': True}, {'timing.publish_clock': True}),
-    ({'state_source': 'imu'}, {}),
+NODES = ('attitude_controller', 'attitude_markers', 'lgvi_simulator')
+#: Parameters of the controller, the simulator and the markers: together they open everything.
+CONFIGURATIONS: list[tuple[dict[str, object], ...]] = [
+    ({'target': 'pointing', 'use_sim_time': True}, {'timing.publish_clock': True},
+     {'use_sim_time': True}),
+    ({'state_source': 'imu'}, {}, {'state_source': 'imu'}),
 ]
+#: What every node of rclpy publishes.
+LOGS = {'/parameter_events', '/rosout'}
+#: The same in every namespace, for every node.
+ABSOLUTE = {*LOGS, '/clock', '/diagnostics'}
 Rules = dict[str, set[str]]
 
 
-def rules(name: str) -> Rules:
-    """Return the absolute names that a policy allows, by what may be done."""
+def written(name: str) -> Rules:
+    """Return the names that a policy allows, as they are written, by what may be done."""
     root = ET.parse(SROS2 / f'{name}.xml').getroot()
     assert root.tag == 'policy'
     assert root.get('version') == '0.2.0'
@@ -46,11 +57,15 @@ def rules(name: str) -> Rules:
         (what, verdict), = group.attrib.items()
         assert verdict == 'ALLOW'
         names = [item.text or '' for item in group]
-        assert names == sorted(names, key=lambda n: (n.startswith('~'), n))
-        absolute = {f'/{name}/{n[2:]}' if n.startswith('~/') else f'/{n}' for n in names}
-        assert not any('*' in n for n in absolute), 'no wildcards'
-        allowed[what] = absolute
+        assert names == sorted(set(names))
+        allowed[what] = set(names)
     return allowed
+
+
+def rules(name: str) -> Rules:
+    """Return the absolute names that a policy allows, by what may be done."""
+    return {what: {f'/{name}/{each[2:]}' if each.startswith('~/') else f'/{each.lstrip("/")}'
+                   for each in names} for what, names in written(name).items()}
 
 
 def opened(rig: Rig, node: str) -> Rules:
@@ -67,16 +82,17 @@ def opened(rig: Rig, node: str) -> Rules:
 
 
 def everything_is_there(rig: Rig) -> bool:
-    """Whether both nodes are in the graph with all that they open last."""
+    """Whether every node is in the graph with all that it opens last."""
     names = {name for name, _ in rig.node.get_node_names_and_namespaces()}
+    last = {'attitude_controller': '/attitude_setpoint', 'lgvi_simulator': '/torque_command',
+            'attitude_markers': '/torque_command'}
     return set(NODES) <= names and all(
-        f'/{node}/set_parameters' in opened(rig, node).get('reply', ()) for node in NODES) and (
-        '/torque_command' in opened(rig, NODES[1]).get('subscribe', ())
-        and '/attitude_setpoint' in opened(rig, NODES[0]).get('subscribe', ()))
+        f'/{node}/set_parameters' in opened(rig, node).get('reply', ())
+        and last[node] in opened(rig, node).get('subscribe', ()) for node in NODES)
 
 
 def opened_at_last(rig: Rig) -> dict[str, Rules]:
-    """Return what both nodes have opened, once nothing has been added for a second."""
+    """Return what the nodes have opened, once nothing has been added for a second."""
     before: dict[str, Rules] = {}
     while before != (now := {node: opened(rig, node) for node in NODES}):
         before = now
@@ -89,11 +105,15 @@ def test_the_nodes_open_exactly_what_their_policies_allow(tmp_path: Path) -> Non
     from harness import open_rig
 
     seen: dict[str, Rules] = {node: {} for node in NODES}
-    for controller, simulator in CONFIGURATIONS:
+    for controller, simulator, markers in CONFIGURATIONS:
         with open_rig(tmp_path) as rig:
             rig.start('controller', parameters=controller)
             rig.start('simulator', parameters=simulator)
-            rig.until(lambda r=rig: everything_is_there(r), 'both nodes in the graph')
+            changes = [text for name, value in markers.items()
+                       for text in ('-p', f'{name}:={str(value).lower()}')]
+            rig.run(['manifold_mpc_ros.nodes.markers.main', '--ros-args', *changes])
+            rig.watch(MarkerArray, '/attitude_markers/markers')  # it listens while one looks
+            rig.until(lambda r=rig: everything_is_there(r), 'every node in the graph')
             for node, found in opened_at_last(rig).items():
                 for what, names in found.items():
                     seen[node].setdefault(what, set()).update(names)
@@ -101,24 +121,59 @@ def test_the_nodes_open_exactly_what_their_policies_allow(tmp_path: Path) -> Non
         assert seen[node] == rules(node)
 
 
+def test_the_policies_are_what_the_tables_say() -> None:
+    """After a change of a table, ``make policies`` writes them again."""
+    assert {path.stem: path.read_text(encoding='utf-8') for path in SROS2.glob('*.xml')} == (
+        policies())
+
+
 def test_operator_and_recorder_have_the_least_that_they_need() -> None:
     nodes = [rules(node) for node in NODES]
     operator, recorder = rules('operator'), rules('recorder')
-    services = set().union(*(node['reply'] for node in nodes))
     published = set().union(*(node['publish'] for node in nodes))
-    assert operator['request'] == services
-    assert set(recorder) == {'publish', 'subscribe'}
-    own = {'/parameter_events', '/rosout'}  # every rclpy node has them
-    setpoints = {'/attitude_setpoint', '/direction_setpoint'}
-    assert operator['publish'] == own | setpoints
-    assert recorder['publish'] == own
+    setpoints = {f'/{name}' for name in COMMANDS}
+    assert setpoints <= rules('attitude_controller')['subscribe']
+    assert operator['request'] == set().union(*(node['reply'] for node in nodes))
+    assert 'request' not in recorder
+    assert operator['publish'] == LOGS | setpoints
+    assert recorder['publish'] == LOGS | {'/events/write_split'}
     assert operator['subscribe'] <= published
-    assert recorder['subscribe'] == published | setpoints
+    assert recorder['subscribe'] == published | setpoints | {'/events/write_split'}
     # Nobody but the node itself can command torque or claim a state.
-    for name in ('operator', 'recorder', 'lgvi_simulator'):
+    for name in ('attitude_markers', 'lgvi_simulator', 'operator', 'recorder'):
         assert '/torque_command' not in rules(name)['publish']
-    for name in ('operator', 'recorder', 'attitude_controller'):
+    for name in ('attitude_controller', 'attitude_markers', 'operator', 'recorder'):
         assert not {'/odometry', '/imu', '/clock'} & rules(name)['publish']
+
+
+def test_wildcards_are_only_for_services_of_ones_own() -> None:
+    own = {'~/*', '/_ros2cli_*/*'}
+    wild = {name: {each for names in written(name).values() for each in names if '*' in each}
+            for name in policies()}
+    assert wild == {**{node: set() for node in NODES}, 'operator': own,
+                    'recorder': own | {'/rosbag2_recorder/*'}}
+    assert all(own <= written(name)['reply'] for name in ('operator', 'recorder'))
+
+
+def test_what_has_no_namespace_is_written_absolute() -> None:
+    for name in policies():
+        names = set().union(*written(name).values())
+        assert not {each.lstrip('/') for each in ABSOLUTE} & names
+        assert names > LOGS
+
+
+def test_a_default_node_opens_only_what_the_policies_of_people_allow(rig: Rig) -> None:
+    """A default node opens, beside logs, services below its name, which ``~/*`` allows."""
+    operator = Node('operator', context=rig.node.context)
+    try:
+        rig.until(lambda: '/operator/get_parameters' in opened(rig, 'operator').get('reply', ()),
+                  'the services of a node')
+        found = opened(rig, 'operator')
+    finally:
+        operator.destroy_node()
+    assert found.pop('publish') == LOGS
+    assert all(name.startswith('/operator/') for name in found.pop('reply'))
+    assert found == {}
 
 
 def test_enforcement_is_demanded_to_the_letter(tmp_path: Path) -> None:
@@ -131,8 +186,23 @@ def test_enforcement_is_demanded_to_the_letter(tmp_path: Path) -> None:
                         ('ROS_SECURITY_KEYSTORE', str(tmp_path / 'absent')),
                         ('ROS_SECURITY_KEYSTORE', None)):
         environment = {k: v for k, v in {**good, name: wrong}.items() if v is not None}
-        with pytest.raises(ConfigurationError, match=f'secure.*{name}'):
+        with pytest.raises(ConfigurationError, match=name):
             demand_enforcement(environment, '/attitude_controller')
+
+
+@pytest.mark.parametrize('folder', [None, 'absent', ''])
+def test_a_keystore_that_is_not_there_is_one_message_that_names_its_variable(
+    rig: Rig, tmp_path: Path, folder: str | None,
+) -> None:
+    """Not named, not there, and a folder that is none; whether ``secure`` or not."""
+    keystore = {} if folder is None else {'ROS_SECURITY_KEYSTORE': str(tmp_path / folder)}
+    process = rig.run(
+        ['manifold_mpc_ros.nodes.controller.main', '--ros-args', '--enclave', '/a'],
+        ROS_SECURITY_ENABLE='true', ROS_SECURITY_STRATEGY='Enforce', **keystore)
+    assert process.wait() == 1
+    line, = process.log.splitlines()
+    assert line.startswith('controller: ROS_SECURITY_KEYSTORE: ')
+    assert keystore.get('ROS_SECURITY_KEYSTORE', '') in line
 
 
 @pytest.mark.parametrize('program', ['controller', 'simulator'])

@@ -10,10 +10,11 @@ import sys
 import pytest
 
 from manifold_mpc_ros.nodes.controller import main as controller
+from manifold_mpc_ros.nodes.markers import main as markers
 from manifold_mpc_ros.nodes.simulator import main as simulator
 from manifold_mpc_ros.nodes.usage import Program, parse_arguments
 
-PROGRAMS = [controller.PROGRAM, simulator.PROGRAM]
+PROGRAMS = [controller.PROGRAM, simulator.PROGRAM, markers.PROGRAM]
 
 
 @pytest.mark.parametrize('program', PROGRAMS)
@@ -26,7 +27,7 @@ def test_help_names_every_parameter_with_its_unit(
     text = capsys.readouterr().out
     for spec in program.parameters:
         assert (f'{spec.name} [{spec.unit}]' if spec.unit else spec.name) in text
-    for name, kind, _meaning in program.interfaces:
+    for name, kind, _meaning in (*program.subscribes, *program.publishes, *program.replies):
         assert name in text
         assert kind in text
     assert max(map(len, text.splitlines())) <= 100

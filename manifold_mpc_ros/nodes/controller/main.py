@@ -18,13 +18,18 @@ PROGRAM = Program(
     summary='Rotate a spacecraft from any attitude to the commanded one, by model predictive '
             'control on SO(3).',
     parameters=CONTROLLER_PARAMETERS,
-    interfaces=(
+    subscribes=(
         *state_topics(),
-        ('attitude_setpoint', 'geometry_msgs/msg/QuaternionStamped', 'in: commanded attitude'),
-        ('direction_setpoint', 'geometry_msgs/msg/Vector3Stamped', 'in: commanded direction'),
+        ('attitude_setpoint', 'geometry_msgs/msg/QuaternionStamped', 'commanded attitude'),
+        ('direction_setpoint', 'geometry_msgs/msg/Vector3Stamped', 'commanded direction'),
+        ('/clock', 'rosgraph_msgs/msg/Clock', 'time, with use_sim_time'),
+    ),
+    publishes=(
         *actuator_topics(),
-        ('~/prediction', 'nav_msgs/msg/Path', 'out: predicted attitudes'),
-        ('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'out: mode, solver, refusals'),
+        ('~/prediction', 'nav_msgs/msg/Path', 'predicted attitudes'),
+        ('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'mode, solver, refusals'),
+    ),
+    replies=(
         ('~/reset', 'std_srvs/srv/Trigger', 'forget state, setpoint and warm start'),
         ('~/pause', 'std_srvs/srv/SetBool', 'true: command zero torque'),
     ),

@@ -18,13 +18,21 @@ PROGRAM = Program(
     summary='Draw the closed loop for RViz and Foxglove: body, axes, setpoint, prediction, '
             'torque.',
     parameters=MARKERS_PARAMETERS,
-    interfaces=(
+    subscribes=(
         *state_topics(),
-        ('attitude_setpoint', 'geometry_msgs/msg/QuaternionStamped', 'in: commanded attitude'),
-        ('direction_setpoint', 'geometry_msgs/msg/Vector3Stamped', 'in: commanded direction'),
-        ('torque_command', 'geometry_msgs/msg/WrenchStamped', 'in: body torque [N m]'),
-        ('attitude_controller/prediction', 'nav_msgs/msg/Path', 'in: predicted attitudes'),
-        ('~/markers', 'visualization_msgs/msg/MarkerArray', 'out: only while somebody reads'),
+        ('attitude_setpoint', 'geometry_msgs/msg/QuaternionStamped', 'commanded attitude'),
+        ('direction_setpoint', 'geometry_msgs/msg/Vector3Stamped', 'commanded direction'),
+        ('torque_command', 'geometry_msgs/msg/WrenchStamped', 'body torque [N m]'),
+        ('attitude_controller/prediction', 'nav_msgs/msg/Path', 'predicted attitudes'),
+        ('/clock', 'rosgraph_msgs/msg/Clock', 'time, with use_sim_time'),
+    ),
+    publishes=(
+        ('~/markers', 'visualization_msgs/msg/MarkerArray', 'only while somebody reads'),
+        ('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'pictures drawn, refusals'),
+    ),
+    replies=(
+        ('~/reset', 'std_srvs/srv/Trigger', 'forget what was seen'),
+        ('~/pause', 'std_srvs/srv/SetBool', 'true: hold the picture'),
     ),
 )
 

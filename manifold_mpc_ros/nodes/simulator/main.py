@@ -17,12 +17,16 @@ PROGRAM = Program(
     summary='Simulate a rigid spacecraft under torque commands, by a variational integrator on '
             'SO(3).',
     parameters=SIMULATOR_PARAMETERS,
-    interfaces=(
-        ('torque_command', 'geometry_msgs/msg/WrenchStamped', 'in: body torque [N m]'),
-        ('odometry', 'nav_msgs/msg/Odometry', 'out: attitude (pose), body rate (twist)'),
-        ('imu', 'sensor_msgs/msg/Imu', 'out: the same as an inertial sensor'),
-        ('/clock', 'rosgraph_msgs/msg/Clock', 'out: simulated time, with publish_clock'),
-        ('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'out: time, plant, refusals'),
+    subscribes=(
+        ('torque_command', 'geometry_msgs/msg/WrenchStamped', 'body torque [N m]'),
+    ),
+    publishes=(
+        ('odometry', 'nav_msgs/msg/Odometry', 'attitude (pose), body rate (twist)'),
+        ('imu', 'sensor_msgs/msg/Imu', 'the same as an inertial sensor'),
+        ('/clock', 'rosgraph_msgs/msg/Clock', 'simulated time, with publish_clock'),
+        ('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'time, plant, refusals'),
+    ),
+    replies=(
         ('~/reset', 'std_srvs/srv/Trigger', 'back to the initial attitude and rate'),
         ('~/pause', 'std_srvs/srv/SetBool', 'true: stop simulated time'),
     ),
