@@ -11,7 +11,7 @@ import socket
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, MutableMapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
@@ -85,10 +85,21 @@ def node_environment(domain_id: int) -> dict[str, str]:
     environment = dict(os.environ)
     if environment.pop('_ROS_WHEELS_BOOTSTRAP_COMPLETE', None) is not None:
         environment.pop('LD_LIBRARY_PATH', None)
+    stay_private(environment)
     environment['ROS_DOMAIN_ID'] = str(domain_id)
-    environment['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     environment['PYTHONUNBUFFERED'] = '1'
     return environment
+
+
+def stay_private(environment: MutableMapping[str, str]) -> None:
+    """Change an environment so that its nodes are seen on this machine only, without security.
+
+    Enclaves do not allow what happens in a domain of its own: they are bound to another domain
+    and to other names.
+    """
+    for name in [each for each in environment if each.startswith('ROS_SECURITY_')]:
+        del environment[name]
+    environment['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 
 
 def end_on_sigterm() -> None:

@@ -18,6 +18,7 @@ from manifold_mpc_ros.cli.processes import (
     end_on_sigterm,
     free_domain_id,
     node_environment,
+    stay_private,
 )
 from manifold_mpc_ros.config.control_law import SimulatorConfig
 from manifold_mpc_ros.config.controller import ControllerConfig
@@ -70,7 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
     arguments.output.mkdir(parents=True, exist_ok=True)
     domain_id, namespace = free_domain_id(), f'/demo_{os.getpid()}'
     environment = node_environment(domain_id)
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'  # the recorder is in this process
+    stay_private(os.environ)  # the recorder is in this process
     end_on_sigterm()
     console = report.make_console()
     console.print(f'Two processes on ROS_DOMAIN_ID={domain_id}, topics under {namespace}')

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from manifold_mpc_ros.cli import arguments as shared
-from manifold_mpc_ros.cli.processes import end_on_sigterm
+from manifold_mpc_ros.cli.processes import end_on_sigterm, stay_private
 from manifold_mpc_ros.errors import ConfigurationError, ManifoldMpcError
 from manifold_mpc_ros.lab.fault_injection import schedule
 from manifold_mpc_ros.lab.fault_injection.fault import CONTROLLER, Fault
@@ -108,7 +108,7 @@ def run(arguments: argparse.Namespace) -> int:
     output = _destination(arguments.output or Path(f'results/chaos_{kind}.json'))
     _require_ros()
     end_on_sigterm()
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'  # this process joins in
+    stay_private(os.environ)  # this process joins in
     done = _inject(_plan(arguments), trials, arguments, console)
     if not done.verdicts:
         console.print(f'Nothing was measured: {done.failure or "interrupted"}')

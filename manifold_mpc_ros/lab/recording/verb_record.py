@@ -20,6 +20,7 @@ from manifold_mpc_ros.cli.processes import (
     NodeProcesses,
     node_environment,
     reserved_domain,
+    stay_private,
 )
 from manifold_mpc_ros.errors import BagError, ConfigurationError, ManifoldMpcError
 from manifold_mpc_ros.lab.recording.record_plan import RecordPlan
@@ -77,7 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
     path = arguments.output or DEFAULT_FOLDER / scenario.name
     require_ros('recording')
     _make_way(path, overwrite=arguments.overwrite)
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'  # the recorder is in this process
+    stay_private(os.environ)  # the recorder is in this process
     console.print(f'{scenario.name}: {scenario.description}', markup=False)
     try:
         lost = _record(scenario, path, arguments, console)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from manifold_mpc_ros.cli import arguments as shared
-from manifold_mpc_ros.cli.processes import end_on_sigterm
+from manifold_mpc_ros.cli.processes import end_on_sigterm, stay_private
 from manifold_mpc_ros.lab.recording.bag_topics import add_topics, topics_given
 from manifold_mpc_ros.lab.recording.replay_plan import ReplayPlan
 from manifold_mpc_ros.lab.recording.verb_record import require_ros
@@ -66,7 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
                          arguments.rate)
     require_ros('replaying')
     end_on_sigterm()
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'  # a node is in this process
+    stay_private(os.environ)  # a node is in this process
     console = report.make_console()
     for warning in recorded.warnings:
         console.print(f'damaged: {warning}', soft_wrap=True, markup=False)
