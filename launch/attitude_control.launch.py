@@ -4,6 +4,7 @@
 
 ros2 launch manifold_mpc_ros attitude_control.launch.py namespace:=sat1 with_simulator:=false
 ros2 launch manifold_mpc_ros attitude_control.launch.py rviz:=true
+ros2 launch manifold_mpc_ros attitude_control.launch.py namespace:=sat1 enclaves:=/sat1
 """
 
 from launch.actions import DeclareLaunchArgument
@@ -25,6 +26,10 @@ def generate_launch_description() -> LaunchDescription:
     return LaunchDescription([
         DeclareLaunchArgument(
             'namespace', default_value='', description='namespace of both nodes'),
+        DeclareLaunchArgument(
+            'enclaves', default_value='',
+            description='where the enclaves attitude_controller, lgvi_simulator and '
+                        'attitude_markers are in the keystore, like /sat1'),
         DeclareLaunchArgument(
             'controller_params', default_value=_shipped('controller.yaml'),
             description='parameter file of the controller'),
@@ -48,12 +53,14 @@ def generate_launch_description() -> LaunchDescription:
             description='start RViz too (topics without a namespace)'),
         Node(
             package=PACKAGE, executable='controller', output='screen',
+            ros_arguments=_enclave('attitude_controller'),
             respawn=LaunchConfiguration('respawn'), respawn_delay=RESPAWN_DELAY_S,
             namespace=LaunchConfiguration('namespace'),
             parameters=[LaunchConfiguration('controller_params'),
                         {'use_sim_time': simulated_time}]),
         Node(
             package=PACKAGE, executable='simulator', output='screen',
+            ros_arguments=_enclave('lgvi_simulator'),
             respawn=LaunchConfiguration('respawn'), respawn_delay=RESPAWN_DELAY_S,
             namespace=LaunchConfiguration('namespace'),
             parameters=[LaunchConfiguration('simulator_params'),
@@ -61,6 +68,7 @@ def generate_launch_description() -> LaunchDescription:
             condition=IfCondition(LaunchConfiguration('with_simulator'))),
         Node(
             package=PACKAGE, executable='markers', output='screen',
+            ros_arguments=_enclave('attitude_markers'),
             namespace=LaunchConfiguration('namespace'),
             parameters=[{'use_sim_time': simulated_time}],
             condition=IfCondition(LaunchConfiguration('markers'))),
@@ -70,6 +78,11 @@ def generate_launch_description() -> LaunchDescription:
             parameters=[{'use_sim_time': simulated_time}],
             condition=IfCondition(LaunchConfiguration('rviz'))),
     ])
+
+
+def _enclave(node: str) -> list[str | list[LaunchConfiguration | str]]:
+    """Return the arguments that put a node into the enclave of its name; only security looks."""
+    return ['--enclave', [LaunchConfiguration('enclaves'), f'/{node}']]
 
 
 def _shipped(name: str) -> PathJoinSubstitution:

@@ -61,7 +61,7 @@ def test_arguments(entities: list[Recorded]) -> None:
                 if entity.name == 'DeclareLaunchArgument'}
     assert set(declared) == {
         'namespace', 'controller_params', 'simulator_params', 'use_sim_time', 'with_simulator',
-        'markers', 'respawn', 'rviz'}
+        'enclaves', 'markers', 'respawn', 'rviz'}
     assert all(kwargs['description'] for kwargs in declared.values())
     for name, file in [('controller_params', 'controller'), ('simulator_params', 'simulator')]:
         share, folder, yaml = declared[name]['default_value'].args[0]
@@ -74,6 +74,11 @@ def test_nodes(entities: list[Recorded]) -> None:
              if entity.name == 'Node'}
     assert set(nodes) == {'controller', 'simulator', 'markers', 'rviz2'}
     assert nodes['markers']['namespace'].args[0] == 'namespace'
+    for executable, policy in (('controller', 'attitude_controller'), (
+            'simulator', 'lgvi_simulator'), ('markers', 'attitude_markers')):
+        flag, (where, name) = nodes[executable]['ros_arguments']
+        assert (flag, where.args[0], name) == ('--enclave', 'enclaves', f'/{policy}')
+        assert (FILE.parents[1] / 'config' / 'sros2' / f'{policy}.xml').exists()
     for executable in ('controller', 'simulator'):
         kwargs = nodes[executable]
         assert kwargs['package'] == 'manifold_mpc_ros'
