@@ -80,7 +80,7 @@ def generate_launch_description() -> LaunchDescription:
     ])
 
 
-def _enclave(node: str) -> list[str | list[LaunchConfiguration | str]]:
+def _enclave(node: str) -> list[object]:
     """Return the arguments that put a node into the enclave of its name; only security looks."""
     return ['--enclave', [LaunchConfiguration('enclaves'), f'/{node}']]
 
