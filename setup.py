@@ -17,15 +17,11 @@ EXECUTABLES = {
     'markers': f'{NAME}.nodes.markers.main:main',
     'manifold-mpc': f'{NAME}.cli.main:main',
 }
-RUNTIME = [
+# What flies: the library and the nodes.
+FLIES = [
     'casadi>=3.6.5',
-    'matplotlib>=3.6',
     'numpy>=1.26',
-    'plotly>=5.15',
-    'python-flint>=0.7',
     'pyyaml>=6.0',
-    'rich>=13',
-    'rosbags>=0.11,<0.12',
     'scipy>=1.11',
 ]
 ROS = [
@@ -34,8 +30,16 @@ ROS = [
     'ros-jazzy-rclpy',
     'ros-jazzy-rmw-fastrtps-cpp',
 ]
-# Heavy, and needed by one command: campaigns write Parquet, and run on clusters if asked to.
-CAMPAIGN = ['pyarrow>=14']
+# The laboratory: the verbs of manifold-mpc.
+LAB = [
+    'matplotlib>=3.6',
+    'plotly>=5.15',
+    'python-flint>=0.7',
+    'rich>=13',
+    'rosbags>=0.11,<0.12',
+]
+# Heavy, and needed by one verb: campaigns write Parquet, and run on clusters if asked to.
+CAMPAIGN = [*LAB, 'pyarrow>=14']
 CLUSTER = [*CAMPAIGN, 'distributed>=2024.1']
 TEST = [
     'catkin-pkg',
@@ -109,8 +113,8 @@ setup(
     ],
     cmdclass={'install_data': InstallData},
     python_requires='>=3.10',
-    install_requires=RUNTIME,
-    extras_require={'campaign': CAMPAIGN, 'cluster': CLUSTER, 'ros': ROS,
+    install_requires=FLIES,
+    extras_require={'lab': LAB, 'campaign': CAMPAIGN, 'cluster': CLUSTER, 'ros': ROS,
                     'test': CLUSTER + TEST},
     entry_points={'console_scripts': [f'{name} = {main}' for name, main in EXECUTABLES.items()]},
     zip_safe=False,

@@ -6,25 +6,17 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import importlib.metadata
 import os
 import sys
 from collections.abc import Sequence
 from types import ModuleType
-from typing import NoReturn
+from typing import Any, NoReturn
 
+from manifold_mpc_ros.cli.extras import require
+from manifold_mpc_ros.cli.verbs import VERBS
 from manifold_mpc_ros.errors import ManifoldMpcError
 
 PROGRAM = 'manifold-mpc'
-# One module of `lab` for each verb, with SUMMARY, EXAMPLES, add_arguments and run.
-VERBS = {
-    'demo': 'demo.verb', 'simulate': 'demo.verb_simulate', 'design': 'domain.verb_design',
-    'certify': 'certification.verb_certify', 'verify': 'certification.verb_verify',
-    'domain': 'domain.verb', 'discontinuity': 'discontinuity.verb', 'campaign': 'campaign.verb',
-    'record': 'recording.verb_record', 'replay': 'recording.verb_replay',
-    'check': 'recording.verb_check', 'report': 'report.verb', 'chaos': 'fault_injection.verb',
-    'bench': 'benchmark.verb', 'figures': 'discontinuity.verb_figures',
-}
 
 EXIT_SUCCESS = 0
 EXIT_NOT_ACHIEVED = 1
@@ -51,6 +43,7 @@ class _ShowVersion(argparse.Action):
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         """Print and leave."""
+        import importlib.metadata
         try:
             version = importlib.metadata.version('manifold_mpc_ros')
         except importlib.metadata.PackageNotFoundError:
@@ -61,7 +54,19 @@ class _ShowVersion(argparse.Action):
 
 def module_of(verb: str) -> ModuleType:
     """Return the module of a verb."""
-    return importlib.import_module(f'manifold_mpc_ros.lab.{VERBS[verb]}')
+    return importlib.import_module(f'manifold_mpc_ros.lab.{VERBS[verb].module}')
+
+
+class _VerbParser(_OneLineParser):
+    """The parser of one verb, which gets its arguments when it is given some to parse."""
+
+    def parse_known_args(self, *arguments: Any, **named: Any) -> Any:
+        """Add the arguments of the verb, then parse."""
+        module = module_of(self.prog.split()[-1])
+        self.epilog = f'examples:\n{module.EXAMPLES}'
+        module.add_arguments(self)
+        self.set_defaults(run=module.run)
+        return super().parse_known_args(*arguments, **named)
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -71,15 +76,11 @@ def build_parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--version', action=_ShowVersion, nargs=0, help='print the version')
     verbs = parser.add_subparsers(
-        dest='verb', metavar='VERB', required=True, title='verbs', parser_class=_OneLineParser)
-    for name in VERBS:
-        module = module_of(name)
-        verb = verbs.add_parser(
-            name, help=module.SUMMARY, description=module.SUMMARY,
-            epilog=f'examples:\n{module.EXAMPLES}',
+        dest='verb', metavar='VERB', required=True, title='verbs', parser_class=_VerbParser)
+    for name, verb in VERBS.items():
+        verbs.add_parser(
+            name, help=verb.summary, description=verb.summary,
             formatter_class=argparse.RawDescriptionHelpFormatter)
-        module.add_arguments(verb)
-        verb.set_defaults(run=module.run)
     return parser
 
 
@@ -87,6 +88,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status; see `_EPILOG` for what it means."""
     parsed = build_parser().parse_args(arguments)
     try:
+        require(parsed.verb, *VERBS[parsed.verb].packages)
         status = int(parsed.run(parsed))
         sys.stdout.flush()
     except ManifoldMpcError as error:

@@ -17,6 +17,7 @@ import campaign_stubs as stubs
 import pytest
 from campaign_plans import mapping, plan, plants
 
+from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.lab.campaign import cluster
 from manifold_mpc_ros.lab.campaign.case import all_names
 from manifold_mpc_ros.lab.campaign.chunks import CHUNK, CampaignError, Work, in_chunks
@@ -123,6 +124,6 @@ def test_no_scheduler_and_no_dask_are_said(monkeypatch: pytest.MonkeyPatch) -> N
           connected('tcp://127.0.0.1:9')):
         pass
     monkeypatch.setitem(sys.modules, 'distributed', None)
-    with (pytest.raises(CampaignError, match=r"pip install 'manifold_mpc_ros\[cluster\]'"),
+    with (pytest.raises(ManifoldMpcError, match=r"pip install 'manifold_mpc_ros\[cluster\]'"),
           connected('tcp://127.0.0.1:9')):
         pass

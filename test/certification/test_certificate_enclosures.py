@@ -9,6 +9,7 @@ from math import acos, atan, cos, pi, sin, sqrt
 
 import numpy as np
 import pytest
+from flint import arb, arb_mat
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import generator
@@ -17,7 +18,6 @@ from manifold_mpc_ros.dynamics import scalar_form
 from manifold_mpc_ros.lab.certification import even_functions as functions
 from manifold_mpc_ros.lab.certification.box_test import concave_bound
 from manifold_mpc_ros.lab.certification.enclosure import definiteness, exact, upper
-from manifold_mpc_ros.lab.certification.flint_backend import arb, arb_mat
 from manifold_mpc_ros.lab.certification.jets import Jet, chain, coordinates, root, squared_norm
 
 Function = Callable[[Jet], Jet]

@@ -11,6 +11,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from flint import arb, arb_mat
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -19,7 +20,6 @@ from strategies import INERTIAS
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.lab.certification.enclosure import ClosedLoop, Loop, Memory
 from manifold_mpc_ros.lab.certification.enclosures import describe, loop_maker
-from manifold_mpc_ros.lab.certification.flint_backend import arb, arb_mat
 from manifold_mpc_ros.lab.certification.jets import coordinates
 from manifold_mpc_ros.lab.certification.rigid_body_enclosure import (
     RigidBodyEnclosure,

@@ -17,6 +17,7 @@ import pytest
 import manifold_mpc_ros
 from manifold_mpc_ros.cli import arguments as shared
 from manifold_mpc_ros.cli import main as cli
+from manifold_mpc_ros.cli.verbs import VERBS
 from manifold_mpc_ros.errors import ConfigurationError
 
 Command = Callable[..., tuple[int, str, str]]
@@ -33,7 +34,7 @@ def assert_one_message(status: int, out: str, err: str, *words: str) -> None:
         assert word in err
 
 
-@pytest.mark.parametrize('verb', cli.VERBS)
+@pytest.mark.parametrize('verb', VERBS)
 def test_each_verb_has_help_with_examples(command: Command, verb: str) -> None:
     status, out, err = command(verb, '--help')
     assert status == 0
@@ -42,7 +43,7 @@ def test_each_verb_has_help_with_examples(command: Command, verb: str) -> None:
     assert re.search(rf'^  manifold-mpc {verb}\b', out.partition('examples:')[2], re.MULTILINE)
 
 
-@pytest.mark.parametrize('verb', cli.VERBS)
+@pytest.mark.parametrize('verb', VERBS)
 def test_the_examples_of_the_help_are_accepted(verb: str) -> None:
     examples = cli.module_of(verb).EXAMPLES
     lines = re.findall(r'^ *manifold-mpc (.*)$', examples, re.MULTILINE)
@@ -54,9 +55,39 @@ def test_the_examples_of_the_help_are_accepted(verb: str) -> None:
 def test_the_help_lists_every_verb_and_the_exit_statuses(command: Command) -> None:
     status, out, err = command('--help')
     assert (status, err) == (0, '')
-    for verb in cli.VERBS:
+    for verb in VERBS:
         assert re.search(rf'^    {verb}\s', out, re.MULTILINE)
     assert 'exit status:' in out
+
+
+@pytest.mark.parametrize(('verb', 'package'), [
+    (verb, package) for verb, row in VERBS.items() for package in row.packages])
+def test_a_missing_package_is_named_with_its_extra(
+    command: Command, monkeypatch: pytest.MonkeyPatch, verb: str, package: str,
+) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    bag = ['no_such_bag'] if verb in ('replay', 'check', 'report') else []
+    assert_one_message(
+        *command(verb, *bag), f'{verb} needs {package}', "pip install 'manifold_mpc_ros[lab]'")
+
+
+@pytest.mark.parametrize(('arguments', 'package', 'extra'), [
+    (['demo'], 'rclpy', 'ros'),
+    (['record', 'rest_to_rest_90'], 'rclpy', 'ros'),
+    (['chaos'], 'rclpy', 'ros'),
+    (['bench', '--tick'], 'rclpy', 'ros'),
+    (['campaign'], 'pyarrow', 'campaign'),
+    (['campaign', '--scheduler', 'tcp://127.0.0.1:9'], 'distributed', 'cluster'),
+])
+def test_a_package_of_another_extra_is_named(
+    command: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, arguments: list[str],
+    package: str, extra: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, package, None)
+    assert_one_message(
+        *command(*arguments), f'{package}, which is not installed', f'manifold_mpc_ros[{extra}]')
+    assert not any(path.is_file() for path in tmp_path.rglob('*') if path.suffix == '.parquet')
 
 
 def test_version(command: Command) -> None:

@@ -17,14 +17,15 @@ import pytest
 from catkin_pkg.package import Package, parse_package
 from installed import BUILD, PIP, TOP, run
 
+from manifold_mpc_ros.cli.extras import EXTRAS
+
 # What an import belongs to, for pip and for rosdep, where the names differ.
-PIP_NAME = {'yaml': 'pyyaml', 'mpl_toolkits': 'matplotlib', 'flint': 'python-flint'}
-ROSDEP_KEY = {'casadi': 'casadi-pip', 'mpl_toolkits': 'python3-matplotlib',
-              'rosbags': 'python3-rosbags-pip'}
-# Without a key: certificates import it when they are asked for, and say so where it is missing.
-NO_ROSDEP_KEY = {'flint'}
-# Imported by one command alone, which says so where they are missing.
-OPTIONAL = {'distributed': 'cluster', 'pyarrow': 'campaign'}
+PIP_NAME = {'yaml': 'pyyaml', 'flint': 'python-flint'}
+ROSDEP_KEY = {'casadi': 'casadi-pip', 'rosbags': 'python3-rosbags-pip'}
+# There is no key for python-flint.
+NO_ROSDEP_KEY = {'python3-flint'}
+# Folders of the package that are the laboratory; the rest of it flies.
+LABORATORY = ('cli', 'lab')
 # Declared for the launch file and for lifecycle clients, which no module of ours imports.
 UNSEEN = {'launch', 'launch_ros', 'lifecycle_msgs'}
 
@@ -72,16 +73,42 @@ def test_the_manifest_is_valid(manifest: Package) -> None:
     assert manifest.get_build_type() == 'ament_python'
 
 
-def test_every_import_is_declared_for_pip_and_for_rosdep(
+def folders(laboratory: bool) -> list[str]:
+    """Return the folders of the laboratory, or those of what flies."""
+    package = TOP / 'manifold_mpc_ros'
+    return [f'manifold_mpc_ros/{path.name}' for path in package.iterdir()
+            if path.is_dir() and (path.name in LABORATORY) == laboratory]
+
+
+def test_every_import_of_what_flies_is_declared_for_pip_and_for_rosdep(
         manifest: Package, metadata: Message) -> None:
-    foreign = set(imported('manifold_mpc_ros', 'launch')) - sys.stdlib_module_names
-    foreign -= {'manifold_mpc_ros', *OPTIONAL}
+    foreign = set(imported(*folders(laboratory=False), 'launch')) - sys.stdlib_module_names
+    foreign -= {'manifold_mpc_ros'}
     declared = {depend.name for depend in manifest.exec_depends}
     from_ros, from_pip = foreign & declared, foreign - declared
     assert {'rclpy', 'nav_msgs', 'geometry_msgs', 'sensor_msgs'} <= from_ros
     assert {PIP_NAME.get(name, name) for name in from_pip} == required(metadata)
-    keys = {ROSDEP_KEY.get(name, f'python3-{name}') for name in from_pip - NO_ROSDEP_KEY}
+    keys = {ROSDEP_KEY.get(name, f'python3-{name}') for name in from_pip}
     assert declared - UNSEEN == keys | from_ros - UNSEEN
+
+
+def test_every_import_of_the_laboratory_is_in_an_extra(
+        manifest: Package, metadata: Message) -> None:
+    """With those of what flies; for rosdep they are what the tests need."""
+    foreign = set(imported(*folders(laboratory=True))) - sys.stdlib_module_names
+    flies = {'manifold_mpc_ros', *imported(*folders(laboratory=False))}
+    more = {'matplotlib' if name == 'mpl_toolkits' else name for name in foreign - flies}
+    assert more | {'rclpy'} == set(EXTRAS)
+    for name, extra in EXTRAS.items():
+        if name != 'rclpy':
+            assert PIP_NAME.get(name, name) in required(metadata, extra)
+            assert PIP_NAME.get(name, name) not in required(metadata)
+    assert required(metadata, 'lab') <= required(metadata, 'campaign')
+    assert required(metadata, 'campaign') <= required(metadata, 'cluster')
+    assert required(metadata, 'cluster') <= required(metadata, 'test')
+    keys = {ROSDEP_KEY.get(name, f'python3-{name}')
+            for name, extra in EXTRAS.items() if extra == 'lab'} - NO_ROSDEP_KEY
+    assert keys <= {depend.name for depend in manifest.test_depends}
 
 
 def test_the_extras(metadata: Message) -> None:
@@ -89,8 +116,6 @@ def test_the_extras(metadata: Message) -> None:
         'ros-jazzy-common-interfaces', 'ros-jazzy-lifecycle-msgs', 'ros-jazzy-rclpy',
         'ros-jazzy-rmw-fastrtps-cpp'}
     assert {'pytest', 'hypothesis', 'ruff', 'mypy'} <= required(metadata, 'test')
-    for name, extra in OPTIONAL.items():
-        assert name in required(metadata, extra) & required(metadata, 'test')
     assert metadata['Requires-Python'] == '>=3.10'
 
 

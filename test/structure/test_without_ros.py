@@ -1,6 +1,6 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The core imports and works where there is no ROS, and drawing packages load only when used."""
+"""The core imports and works where there is no ROS."""
 
 from __future__ import annotations
 
@@ -82,10 +82,3 @@ def test_the_core_works_without_ros() -> None:
     status, rate = run(BLOCK + USE_THE_CORE)
     assert status in ('converged', 'feasible')
     assert float(rate) > 0.0
-
-
-def test_drawing_is_loaded_only_when_used() -> None:
-    loaded = run('import sys, manifold_mpc_ros.cli.main\nprint(*sys.modules)')
-    assert 'manifold_mpc_ros.cli.main' in loaded
-    heavy = {'matplotlib', 'plotly', 'rich', 'rclpy', 'rosbags', 'pyarrow', 'distributed'}
-    assert not heavy & set(loaded)

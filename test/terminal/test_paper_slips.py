@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from cases import configuration
+from flint import arb
 from linear_cases import linear_problem, linearisation
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
@@ -23,7 +24,6 @@ from manifold_mpc_ros.dynamics.lgvi import cayley_step, nonstandard_inertia, ric
 from manifold_mpc_ros.errors import DesignError
 from manifold_mpc_ros.lab.certification.certify import prove
 from manifold_mpc_ros.lab.certification.enclosure import Loop, Memory, exact
-from manifold_mpc_ros.lab.certification.flint_backend import arb
 from manifold_mpc_ros.lab.certification.jets import Jet
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.terminal.attitude_problem import attitude_problem

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from manifold_mpc_ros.cli import arguments as shared
+from manifold_mpc_ros.cli.extras import require
 from manifold_mpc_ros.errors import ConfigurationError, ManifoldMpcError
 
 if TYPE_CHECKING:
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from manifold_mpc_ros.lab.benchmark.peers.instances import Instance
     from manifold_mpc_ros.lab.benchmark.peers.solver import Entry
 
-SUMMARY = 'Compare the solver with acados, fatrop, IPOPT and others, side by side on one core.'
 EXAMPLES = """\
   manifold-mpc bench
       every solver that is installed, N = 5 to 160: about a quarter of an hour
@@ -211,6 +211,7 @@ def _measure_ticks(console: Console, output: Path, arguments: argparse.Namespace
     from manifold_mpc_ros.cli import console as report
     from manifold_mpc_ros.lab.benchmark import text_report, tick
     from manifold_mpc_ros.lab.benchmark.plot_tick import plot_ticks
+    require('bench --tick', 'rclpy')
     cores = sorted(os.sched_getaffinity(0))
     settings = tick.TickSettings(
         tick.RATES_HZ, arguments.seconds or (QUICK_TICK_S if arguments.quick else TICK_S),

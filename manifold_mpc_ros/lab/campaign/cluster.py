@@ -13,6 +13,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
+from manifold_mpc_ros.cli.extras import require
 from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.lab.campaign.case import CaseName
 from manifold_mpc_ros.lab.campaign.chunks import (
@@ -77,13 +78,9 @@ class Cluster:
 
 @contextmanager
 def connected(address: str) -> Iterator[Cluster]:
-    """Connect to a scheduler that has a worker, disconnect at the end; raises CampaignError."""
-    try:
-        from distributed import Client
-    except ImportError as error:
-        raise CampaignError(
-            f'--scheduler needs Dask, and {error.name or error} is not there: '
-            "pip install 'manifold_mpc_ros[cluster]'") from None
+    """Connect to a scheduler that has a worker, disconnect at the end; raises ManifoldMpcError."""
+    require('--scheduler', 'distributed')
+    from distributed import Client
     try:
         client = Client(address, timeout=CONNECT_LIMIT_S, name='manifold-mpc')
     except (OSError, ValueError, TimeoutError) as error:

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from manifold_mpc_ros.lab.campaign.case import CaseName
-from manifold_mpc_ros.lab.campaign.chunks import CampaignError
 from manifold_mpc_ros.lab.campaign.outcome import TIMES, Outcome
 from manifold_mpc_ros.lab.campaign.plan import CampaignPlan
 
@@ -33,15 +32,6 @@ COLUMNS: dict[str, tuple[str, ...]] = {
                            for entry in ('xx', 'yy', 'zz', 'xy', 'xz', 'yz')),
     'disturbance_n_m': tuple(f'disturbance_{axis}_n_m' for axis in 'xyz'),
 }
-
-
-def require_pyarrow() -> None:
-    """Raise CampaignError where the library that writes Parquet is not there."""
-    try:
-        import pyarrow.parquet  # noqa: F401
-    except ImportError as error:
-        raise CampaignError(f'the table needs {error.name or error}: pip install pyarrow'
-                            ) from None
 
 
 def write_table(plan: CampaignPlan, outcomes: Sequence[Outcome], path: Path) -> Path:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from manifold_mpc_ros.cli import arguments as shared
+from manifold_mpc_ros.cli.extras import require
 from manifold_mpc_ros.cli.processes import end_on_sigterm
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lab.campaign.case import CaseName, all_names
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from manifold_mpc_ros.lab.campaign.chunks import Chunks, Work
     from manifold_mpc_ros.lab.campaign.journal import Journal
 
-SUMMARY = 'Run thousands of closed loops drawn from a file; succeed when each keeps its limits.'
 EXAMPLES = """\
   manifold-mpc campaign
       what the theory promises: 10,000 random starts and 1,000 exact 180 degree ones, on all cores
@@ -167,8 +167,7 @@ def _run(console: Console, work: Work, folder: Path, arguments: argparse.Namespa
     """Run what is not in the folder yet; an interrupt keeps what has been done."""
     from manifold_mpc_ros.lab.campaign.journal import Journal
     from manifold_mpc_ros.lab.campaign.software import software
-    from manifold_mpc_ros.lab.campaign.table import require_pyarrow
-    require_pyarrow()
+    require('campaign', 'pyarrow')
     names = all_names(work.plan)
     begin = time.monotonic()
     with Journal(folder, work.plan, software(), overwrite=arguments.overwrite) as journal:

@@ -12,6 +12,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from flint import arb
+
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics import scalar_form
 from manifold_mpc_ros.lab.certification.enclosure import Array, Loop, Memory, is_positive_definite
@@ -21,7 +23,6 @@ from manifold_mpc_ros.lab.certification.even_functions import (
     half_sine,
     inverse_root,
 )
-from manifold_mpc_ros.lab.certification.flint_backend import arb
 from manifold_mpc_ros.lab.certification.jets import Jet, chain, coordinates, squared_norm
 from manifold_mpc_ros.lab.certification.rigid_body_enclosure import (
     RigidBodyEnclosure,

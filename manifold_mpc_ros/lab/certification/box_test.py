@@ -30,6 +30,7 @@ be large.
 from __future__ import annotations
 
 import numpy as np
+from flint import arb, arb_mat
 
 from manifold_mpc_ros.lab.certification.enclosure import (
     Array,
@@ -44,7 +45,6 @@ from manifold_mpc_ros.lab.certification.enclosure import (
     ratios_exceeded,
     upper,
 )
-from manifold_mpc_ros.lab.certification.flint_backend import arb, arb_mat
 from manifold_mpc_ros.lab.certification.jets import coordinates
 
 # Sweeps of coordinate ascent for the point of a box where a tangent plane is tightest.

@@ -27,8 +27,7 @@ def certify_problem(
     """Design the terminal set of a described problem and prove as much of it as can be.
 
     ``margin`` is `default_margin` unless given; ``design`` replaces the problem's own (any P, K, c
-    may be put to the proof). Raises ManifoldMpcError when python-flint is not installed, and what
-    the design raises.
+    may be put to the proof). Raises what the design raises. Needs python-flint.
     """
     from manifold_mpc_ros.lab.certification.certify import prove
     chosen = design_of(kind, values) if design is None else design

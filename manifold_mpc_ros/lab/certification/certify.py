@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from flint import arb, arb_mat
 
 from manifold_mpc_ros.lab.certification.box_test import BoxTest
 from manifold_mpc_ros.lab.certification.covering import Cover, Progress, cover
@@ -25,7 +26,6 @@ from manifold_mpc_ros.lab.certification.enclosure import (
     exact,
     is_positive_definite,
 )
-from manifold_mpc_ros.lab.certification.flint_backend import arb, arb_mat
 
 LoopMaker = Callable[[], ClosedLoop]
 # Parts of the level that are tried, from below as small sets are cheap, when all of it cannot be

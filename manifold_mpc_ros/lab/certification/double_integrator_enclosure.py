@@ -7,9 +7,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from flint import arb, arb_mat
 
 from manifold_mpc_ros.lab.certification.enclosure import Array, Loop, Memory, exact
-from manifold_mpc_ros.lab.certification.flint_backend import arb, arb_mat
 from manifold_mpc_ros.lab.certification.jets import Jet
 
 

@@ -15,9 +15,9 @@ from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
 import numpy as np
+from flint import arb, arb_mat
 from numpy.typing import NDArray
 
-from manifold_mpc_ros.lab.certification.flint_backend import arb, arb_mat
 from manifold_mpc_ros.lab.certification.jets import Jet
 
 Array = NDArray[np.float64]

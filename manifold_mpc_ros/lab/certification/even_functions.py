@@ -24,7 +24,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from manifold_mpc_ros.lab.certification.flint_backend import arb
+from flint import arb
+
 from manifold_mpc_ros.lab.certification.jets import Jet, between
 
 _HALF = arb(1) / 2

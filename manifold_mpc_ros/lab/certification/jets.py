@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TypeAlias, Union
 
-from manifold_mpc_ros.lab.certification.flint_backend import arb, arb_mat
+from flint import arb, arb_mat
 
 Number: TypeAlias = Union['Jet', arb, float, int]
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from flint import arb, arb_mat
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics import scalar_form
@@ -23,7 +24,6 @@ from manifold_mpc_ros.lab.certification.even_functions import (
     half_sine,
     root_of_half,
 )
-from manifold_mpc_ros.lab.certification.flint_backend import arb, arb_mat
 from manifold_mpc_ros.lab.certification.jets import Jet, squared_norm
 from manifold_mpc_ros.lab.certification.rigid_body_enclosure import (
     RigidBodyEnclosure,

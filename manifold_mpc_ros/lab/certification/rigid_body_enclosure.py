@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from flint import arb, arb_mat
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics import scalar_form
@@ -34,7 +35,6 @@ from manifold_mpc_ros.lab.certification.even_functions import (
     half_cosine,
     half_sine,
 )
-from manifold_mpc_ros.lab.certification.flint_backend import arb, arb_mat
 from manifold_mpc_ros.lab.certification.jets import Jet, coordinates, root, squared_norm
 
 # Times the box C is widened to hold K(C) before the step counts as not enclosed.

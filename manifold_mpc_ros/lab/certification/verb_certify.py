@@ -21,15 +21,12 @@ if TYPE_CHECKING:
 
     from manifold_mpc_ros.lab.certification.certificate import Certificate
 
-SUMMARY = 'Prove the conditions of the terminal set on all of it and write a certificate.'
 EXAMPLES = """\
   manifold-mpc certify
       the shipped controller, on every core, to certificate.json; status 0 only if all of its
       terminal set is certified
   manifold-mpc certify --controller-config mine.yaml --output mine.json
       another parameter file
-
-needs the package python-flint (pip install python-flint)
 """
 
 

@@ -11,14 +11,11 @@ from pathlib import Path
 from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.lab.certification.verb_certify import add_effort, progress_bar
 
-SUMMARY = 'Re-check a certificate of a terminal set; its stored verdicts are not believed.'
 EXAMPLES = """\
   manifold-mpc verify
       rebuild the problem that certificate.json describes and prove its claim again
   manifold-mpc verify mine.json --workers 1
       another certificate, on one core
-
-needs the package python-flint (pip install python-flint)
 """
 
 
@@ -35,7 +32,6 @@ def run(arguments: argparse.Namespace) -> int:
     from manifold_mpc_ros.cli import console as report
     from manifold_mpc_ros.lab.certification.certificate import read_certificate
     from manifold_mpc_ros.lab.certification.certification import recheck
-    from manifold_mpc_ros.lab.certification.flint_backend import arb  # noqa: F401
     console = report.make_console()
     try:
         certificate = read_certificate(arguments.certificate)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from manifold_mpc_ros.cli import arguments as shared
+from manifold_mpc_ros.cli.extras import require
 from manifold_mpc_ros.cli.processes import (
     NodeProcesses,
     end_on_sigterm,
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
 
     from manifold_mpc_ros.lab.recording.nodes.history import Recorder, Recording
 
-SUMMARY = 'Close the loop over DDS: controller and simulator as two processes, live.'
 EXAMPLES = """\
   manifold-mpc demo
       a slew of 180 degrees with the shipped parameters; bag, report, pictures in results/demo
@@ -67,7 +67,8 @@ def run(arguments: argparse.Namespace) -> int:
              shared.simulator_config_path(arguments.simulator_config))
     config = ControllerConfig.from_yaml(files[0])
     SimulatorConfig.from_yaml(files[1])
-    recorder_class = _recorder_class()
+    require('demo', 'rclpy')
+    from manifold_mpc_ros.lab.recording.nodes.history import Recorder
     arguments.output.mkdir(parents=True, exist_ok=True)
     domain_id, namespace = free_domain_id(), f'/demo_{os.getpid()}'
     environment = node_environment(domain_id)
@@ -75,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
     end_on_sigterm()
     console = report.make_console()
     console.print(f'Two processes on ROS_DOMAIN_ID={domain_id}, topics under {namespace}')
-    with recorder_class(domain_id, namespace) as recorder, NodeProcesses() as processes, \
+    with Recorder(domain_id, namespace) as recorder, NodeProcesses() as processes, \
             DemoBag(arguments.output / 'bag', domain_id, namespace) as bag:
         def start(module: str, file: Path, *more: str) -> None:
             processes.start(
@@ -122,17 +123,6 @@ def _report(console: Console, bag: DemoBag) -> bool:
     console.print(f'Bag and report, to look at in a browser:\n  {bag.path}\n  {page}',
                   soft_wrap=True, markup=False)
     return True
-
-
-def _recorder_class() -> type[Recorder]:
-    """Return the recorder, or say in one line what is missing."""
-    try:
-        from manifold_mpc_ros.lab.recording.nodes.history import Recorder
-    except ImportError as error:
-        raise ManifoldMpcError(
-            f'the demo needs ROS 2 for Python, and {error.name or error} is not there: '
-            "pip install 'manifold_mpc_ros[ros]', or source a ROS 2 installation") from None
-    return Recorder
 
 
 def _finish(

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-SUMMARY = 'Run the closed loop offline and draw it.'
 EXAMPLES = """\
   manifold-mpc simulate
       the shipped spacecraft and controller: a slew of 180 degrees about z

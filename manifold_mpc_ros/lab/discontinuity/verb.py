@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
     from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 
-SUMMARY = 'Show where the control law jumps, how far, and why no continuous law can replace it.'
 EXAMPLES = """\
   manifold-mpc discontinuity
       across 180 degrees about (1, -2, 3), about all axes, and around the antipode of S^2

@@ -17,7 +17,6 @@ from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.sim.closed_loop import ClosedLoopLog, run_closed_loop
 from manifold_mpc_ros.sim.model_plant import ModelPlant
 
-SUMMARY = "Reproduce the four figures of the paper's simulation, as pictures and as data."
 EXAMPLES = """\
   manifold-mpc figures
       torque and rate about z, and the orientation every 2 s, from 180 and -0.99*180 degrees

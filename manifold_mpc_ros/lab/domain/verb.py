@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
     from manifold_mpc_ros.lab.domain.states import Plane, States
 
-SUMMARY = 'Sample the domain of attraction D_N: the smallest horizon of every attitude, a picture.'
 EXAMPLES = """\
   manifold-mpc domain
       the shipped controller, from rest, on all cores: minutes

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from manifold_mpc_ros.terminal.design import TerminalDesign
     from manifold_mpc_ros.terminal.existence import Existence
 
-SUMMARY = 'Print the terminal set, how it was checked and the smallest horizon of a controller.'
 EXAMPLES = """\
   manifold-mpc design
       the shipped controller

@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from manifold_mpc_ros.cli import arguments as shared
+from manifold_mpc_ros.cli.extras import require
 from manifold_mpc_ros.cli.processes import end_on_sigterm, stay_private
-from manifold_mpc_ros.errors import ConfigurationError, ManifoldMpcError
+from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lab.fault_injection import schedule
 from manifold_mpc_ros.lab.fault_injection.fault import CONTROLLER, Fault
 from manifold_mpc_ros.lab.fault_injection.schedule import Trial
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from manifold_mpc_ros.lab.fault_injection.rig import BenchPlan
     from manifold_mpc_ros.lab.fault_injection.run import Done
 
-SUMMARY = 'Inject faults between and into both nodes over DDS, and count what they survive.'
 EXAMPLES = """\
   manifold-mpc chaos
       the quick selection: one seed, about a minute
@@ -106,7 +106,7 @@ def run(arguments: argparse.Namespace) -> int:
     if not trials:
         raise ConfigurationError('--fault', arguments.fault, 'a fault that this run can inject')
     output = _destination(arguments.output or Path(f'results/chaos_{kind}.json'))
-    _require_ros()
+    require('chaos', 'rclpy')
     end_on_sigterm()
     stay_private(os.environ)  # this process joins in
     done = _inject(_plan(arguments), trials, arguments, console)
@@ -162,13 +162,3 @@ def _destination(path: Path) -> Path:
     if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
         raise ConfigurationError('--output', str(path), 'a file that can be written')
     return path
-
-
-def _require_ros() -> None:
-    """Say in one line that ROS 2 is missing."""
-    try:
-        import manifold_mpc_ros.lab.recording.nodes.listener  # noqa: F401
-    except ImportError as error:
-        raise ManifoldMpcError(
-            f'chaos needs ROS 2 for Python, and {error.name or error} is not there: '
-            "pip install 'manifold_mpc_ros[ros]', or source a ROS 2 installation") from None

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from manifold_mpc_ros.lab.recording.bags.run import BagRun
     from manifold_mpc_ros.lab.recording.bags.verdict import Verdict
 
-SUMMARY = 'Judge recorded runs by the acceptance limits inside their bags.'
 EXAMPLES = """\
   manifold-mpc check results/bags/rest_to_rest_90
       the table of limits; exit status 0 when all of them were kept

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from manifold_mpc_ros.cli import arguments as shared
+from manifold_mpc_ros.cli.extras import require
 from manifold_mpc_ros.cli.processes import (
     Interrupts,
     NodeProcesses,
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
     from manifold_mpc_ros.lab.recording.nodes.bag_recorder import BagRecorder
     from manifold_mpc_ros.lab.recording.nodes.run_inputs import RunInputs
 
-SUMMARY = 'Run a scenario over DDS and record every topic into a rosbag2 bag.'
 EXAMPLES = """\
   manifold-mpc record rest_to_rest_90
       a shipped scenario; the bag is results/bags/rest_to_rest_90
@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise ConfigurationError('--compress', arguments.storage, '--storage mcap')
     scenario = find_scenario(arguments.scenario)
     path = arguments.output or DEFAULT_FOLDER / scenario.name
-    require_ros('recording')
+    require('record', 'rclpy')
     _make_way(path, overwrite=arguments.overwrite)
     stay_private(os.environ)  # the recorder is in this process
     console.print(f'{scenario.name}: {scenario.description}', markup=False)
@@ -191,13 +191,3 @@ def _make_way(path: Path, *, overwrite: bool) -> None:
     if not overwrite:
         raise BagError(f'{path}: exists already; --overwrite replaces it')
     remove_bag(path)
-
-
-def require_ros(what: str) -> None:
-    """Say in one line what is missing."""
-    try:
-        import manifold_mpc_ros.lab.recording.nodes.bag_recorder  # noqa: F401
-    except ImportError as error:
-        raise ManifoldMpcError(
-            f'{what} needs ROS 2 for Python, and {error.name or error} is not there: '
-            "pip install 'manifold_mpc_ros[ros]', or source a ROS 2 installation") from None

@@ -12,17 +12,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from manifold_mpc_ros.cli import arguments as shared
+from manifold_mpc_ros.cli.extras import require
 from manifold_mpc_ros.cli.processes import end_on_sigterm, stay_private
 from manifold_mpc_ros.lab.recording.bag_topics import add_topics, topics_given
 from manifold_mpc_ros.lab.recording.replay_plan import ReplayPlan
-from manifold_mpc_ros.lab.recording.verb_record import require_ros
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from manifold_mpc_ros.lab.recording.bags.compare import Comparison
 
-SUMMARY = 'Give recorded states to a live controller over DDS and compare its torques.'
 EXAMPLES = """\
   manifold-mpc replay results/bags/rest_to_rest_90
       in lockstep; with the build that recorded it every torque has to have the same bits
@@ -64,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     recorded = read_run(arguments.bag, topics)
     plan = ReplayPlan.of(recorded, arguments.controller_config, arguments.backend,
                          arguments.rate)
-    require_ros('replaying')
+    require('replay', 'rclpy')
     end_on_sigterm()
     stay_private(os.environ)  # a node is in this process
     console = report.make_console()

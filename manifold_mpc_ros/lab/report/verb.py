@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from manifold_mpc_ros.lab.recording.bags.run import BagRun, TopicNames
     from manifold_mpc_ros.lab.report.page import Reported
 
-SUMMARY = 'Write recorded runs as one interactive HTML page, and as PNG pictures.'
 EXAMPLES = """\
   manifold-mpc report results/bags/rest_to_rest_180
       results/report/rest_to_rest_180.html, which needs no network, and pictures
