@@ -7,6 +7,7 @@ from __future__ import annotations
 import argparse
 import math
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import manifold_mpc_ros
@@ -32,6 +33,23 @@ def number(text: str) -> float:
     if not math.isfinite(value):
         raise argparse.ArgumentTypeError(f'{text!r} is not a finite number')
     return value
+
+
+def whole_number(least: int, most: int = 10**6) -> Callable[[str], int]:
+    """Return a reader of whole numbers from ``least`` to ``most``."""
+    def read(text: str) -> int:
+        if not (text.isdecimal() and len(text) < 20 and least <= int(text) <= most):
+            raise argparse.ArgumentTypeError(
+                f'{text!r} is not a whole number from {least} to {most}')
+        return int(text)
+    return read
+
+
+def add_workers(parser: argparse._ActionsContainer) -> None:
+    """Add ``--workers``."""
+    parser.add_argument(
+        '--workers', type=whole_number(1, 1024), default=os.cpu_count() or 1, metavar='N',
+        help='processes that share the work (default: one for each core, here %(default)s)')
 
 
 def add_controller_config(parser: argparse.ArgumentParser) -> None:

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from manifold_mpc_ros.cli.main import main
-from manifold_mpc_ros.lab.discontinuity.verb_figures import CASES, paper_config
+from manifold_mpc_ros.lab.discontinuity.findings import paper_config
+from manifold_mpc_ros.lab.discontinuity.verb_figures import CASES
 
 NAMES = {
     'figure_1_torque_z.png', 'figure_2_rate_z.png', 'figure_3_orientation_180.png',

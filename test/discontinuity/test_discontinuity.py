@@ -12,8 +12,8 @@ import pytest
 from numpy.typing import NDArray
 
 from manifold_mpc_ros.lab.discontinuity import discontinuity as d
+from manifold_mpc_ros.lab.discontinuity.findings import paper_config
 from manifold_mpc_ros.lab.discontinuity.study import map_jumps, study_axis, study_circle
-from manifold_mpc_ros.lab.discontinuity.verb_figures import paper_config
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 
 Array = NDArray[np.float64]

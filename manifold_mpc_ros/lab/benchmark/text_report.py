@@ -6,9 +6,7 @@ from __future__ import annotations
 
 import os
 import platform
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,25 +28,6 @@ STATEMENT = (
     'starting guess of a cold solve given. Compiled C unless a name says VM. The peers solve the '
     'quaternion form with one Runge-Kutta step per interval, ours is the LGVI on SO(3): costs are '
     'compared with the best known of the same form. Everybody stops at 1e-6 but us (1e-8).')
-
-
-@contextmanager
-def progress(console: Console) -> Iterator[Callable[[str], None]]:
-    """Show what is being done: in place on a terminal, as lines elsewhere."""
-    if console.is_terminal:
-        with console.status('') as status:
-            yield status.update
-        return
-    last = -PLAIN_LINE_PERIOD_S
-
-    def say(text: str) -> None:
-        nonlocal last
-        if time.monotonic() - last > PLAIN_LINE_PERIOD_S:
-            last = time.monotonic()
-            console.print(text, soft_wrap=True)
-            console.file.flush()
-
-    yield say
 
 
 def machine(core: int | None, rate_flop_s: float | None) -> dict[str, Any]:

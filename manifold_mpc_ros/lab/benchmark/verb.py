@@ -49,10 +49,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
     parser.add_argument('--quick', action='store_true', help='a short run, for a first look')
     parser.add_argument(
-        '--horizons', type=_horizon, nargs='+', metavar='N',
+        '--horizons', type=shared.whole_number(1, 1000), nargs='+', metavar='N',
         help=f'numbers of steps (default: {" ".join(map(str, HORIZONS))})')
     parser.add_argument(
-        '--instances', type=_count, metavar='N',
+        '--instances', type=shared.whole_number(1, INSTANCES), metavar='N',
         help=f'random instances, beside the half turns (default: {INSTANCES})')
     parser.add_argument(
         '--solvers', nargs='+', metavar='WORD',
@@ -75,20 +75,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--output', type=Path, metavar='FILE.json',
         help='every figure (default: results/bench.json, instructions.json, tick.json or '
              'batch.json); a picture goes beside it')
-
-
-def _horizon(text: str) -> int:
-    """Read a number of steps."""
-    if not (text.isdecimal() and 1 <= int(text) <= 1000):
-        raise argparse.ArgumentTypeError(f'{text!r} is not a whole number from 1 to 1000')
-    return int(text)
-
-
-def _count(text: str) -> int:
-    """Read a number of instances."""
-    if not (text.isdecimal() and 1 <= int(text) <= INSTANCES):
-        raise argparse.ArgumentTypeError(f'{text!r} is not a whole number from 1 to {INSTANCES}')
-    return int(text)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -142,12 +128,13 @@ def _entries(words: list[str] | None) -> list[Entry]:
 def _measure(console: Console, arguments: argparse.Namespace, core: int, entries: list[Entry],
              states: list[Instance]) -> dict[str, Any]:
     """Run everything and return it as JSON values."""
+    from manifold_mpc_ros.cli.progress import activity
     from manifold_mpc_ros.lab.benchmark import measure, startup, summary, targets, text_report
     horizons = arguments.horizons or (QUICK_HORIZONS if arguments.quick else HORIZONS)
     settings = measure.Settings(core, repeats=2, loops=3) if arguments.quick else (
         measure.Settings(core))
     begin, rows = time.monotonic(), []
-    with text_report.progress(console) as say:
+    with activity(console) as say:
         for horizon in horizons:
             comparison = measure.compare(horizon, entries, states, settings, say)
             rows += summary.rows_of(comparison, states)
@@ -183,6 +170,7 @@ def _count_instructions(console: Console, output: Path, arguments: argparse.Name
                         entries: list[Entry]) -> int:
     """Count instructions of our compiled solvers, print and write them."""
     from manifold_mpc_ros.cli import console as report
+    from manifold_mpc_ros.cli.progress import activity
     from manifold_mpc_ros.lab.benchmark import instructions, text_report
     from manifold_mpc_ros.lab.benchmark.peers import solver
     compiled = (solver.OUR_LOCAL, solver.OUR_SEARCH)
@@ -195,7 +183,7 @@ def _count_instructions(console: Console, output: Path, arguments: argparse.Name
             if entry.warm:
                 jobs.append((entry, horizon, COUNTED_COLD, COUNTED_WARM))
     count: Callable[..., dict[str, Any]] = instructions.count
-    with text_report.progress(console) as say:
+    with activity(console) as say:
         rows = []
         for entry, horizon, cold, warm in jobs:
             say(f'{entry.name}, N = {horizon}: {cold} cold, {cold * warm} warm solves')
@@ -209,6 +197,7 @@ def _count_instructions(console: Console, output: Path, arguments: argparse.Name
 def _measure_ticks(console: Console, output: Path, arguments: argparse.Namespace) -> int:
     """Measure the controller's latency over DDS, print, draw and write it."""
     from manifold_mpc_ros.cli import console as report
+    from manifold_mpc_ros.cli.progress import activity
     from manifold_mpc_ros.lab.benchmark import text_report, tick
     from manifold_mpc_ros.lab.benchmark.plot_tick import plot_ticks
     require('bench --tick', 'rclpy')
@@ -216,7 +205,7 @@ def _measure_ticks(console: Console, output: Path, arguments: argparse.Namespace
     settings = tick.TickSettings(
         tick.RATES_HZ, arguments.seconds or (QUICK_TICK_S if arguments.quick else TICK_S),
         (cores[-1], cores[0]))
-    with text_report.progress(console) as say:
+    with activity(console) as say:
         rows = tick.measure(settings, say)
     data = {'statement': tick.STATEMENT, 'seconds': settings.seconds,
             'machine': text_report.machine(cores[-1], None), 'rows': rows,
@@ -230,9 +219,10 @@ def _measure_ticks(console: Console, output: Path, arguments: argparse.Namespace
 def _close_loops(console: Console, output: Path, arguments: argparse.Namespace) -> int:
     """Close many loops at once, print and write what came of them."""
     from manifold_mpc_ros.cli import console as report
+    from manifold_mpc_ros.cli.progress import activity
     from manifold_mpc_ros.lab.benchmark import batch, closed_loops, text_report
     loops = batch.QUICK_LOOPS if arguments.quick else batch.LOOPS
-    with text_report.progress(console) as say:
+    with activity(console) as say:
         row = closed_loops.close_loops(loops, batch.TICKS, batch.HORIZON, say)
     data = {'statement': batch.STATEMENT, 'machine': text_report.machine(None, None),
             'row': row, 'targets': batch.targets(row)}

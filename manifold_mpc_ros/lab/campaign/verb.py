@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import re
 import time
 from contextlib import ExitStack
@@ -51,14 +50,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     shared.add_controller_config(parser)
     shared.add_backend(parser, "the campaign's")
     parser.add_argument(
-        '--seed', type=count, metavar='N', help="another seed than the campaign's")
+        '--seed', type=shared.whole_number(0, 10**9 - 1), metavar='N',
+        help="another seed than the campaign's")
     parser.add_argument(
         '--loops', type=loops, action='append', default=[], metavar='[SET=]N',
         help='another number of loops, in one set or in each; may be given several times')
     where = parser.add_mutually_exclusive_group()
-    where.add_argument(
-        '--workers', type=workers, default=os.cpu_count() or 1, metavar='N',
-        help='processes that share the loops (default: one for each core)')
+    shared.add_workers(where)
     where.add_argument(
         '--scheduler', metavar='ADDRESS',
         help='share the loops on the Dask cluster with this scheduler, tcp://HOST:PORT')
@@ -70,20 +68,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
              f'again (default: {DEFAULT_FOLDER}/NAME)')
     parser.add_argument(
         '--overwrite', action='store_true', help='begin anew what the folder holds')
-
-
-def count(text: str) -> int:
-    """Read a whole number that is not negative."""
-    if not (text.isdecimal() and int(text) < 10**9):
-        raise argparse.ArgumentTypeError(f'{text!r} is not a whole number from 0 to 999999999')
-    return int(text)
-
-
-def workers(text: str) -> int:
-    """Read a number of processes."""
-    if not (text.isdecimal() and 1 <= int(text) <= 1024):
-        raise argparse.ArgumentTypeError(f'{text!r} is not a whole number from 1 to 1024')
-    return int(text)
 
 
 def loops(text: str) -> tuple[str | None, int]:
@@ -188,16 +172,20 @@ def _run(console: Console, work: Work, folder: Path, arguments: argparse.Namespa
 def _run_all(console: Console, work: Work, journal: Journal, todo: list[CaseName],
              arguments: argparse.Namespace) -> None:
     """Run cases and record them."""
-    from manifold_mpc_ros.lab.campaign.output.progress import progress
+    from manifold_mpc_ros.cli.progress import Progress
     if not todo:
         return
     with ExitStack() as stack:
         chunks = _started(console, stack, work, todo, arguments)
         stack.callback(chunks.close)
-        advance = stack.enter_context(progress(console, len(todo), _where(arguments, todo)))
+        progress = stack.enter_context(Progress(
+            console, 'loops', len(todo), f'{len(todo)} loops, {_where(arguments, todo)}'))
+        done = broken = 0
         for chunk in chunks:
             journal.append(chunk)
-            advance(len(chunk), sum(bool(outcome.broken) for outcome in chunk))
+            done += len(chunk)
+            broken += sum(bool(outcome.broken) for outcome in chunk)
+            progress.show(done, f'{broken} broken')
 
 
 def _started(console: Console, stack: ExitStack, work: Work, todo: list[CaseName],

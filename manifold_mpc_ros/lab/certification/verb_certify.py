@@ -5,16 +5,14 @@
 from __future__ import annotations
 
 import argparse
-import os
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from manifold_mpc_ros.cli import arguments as shared
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.lab.certification import effort
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -40,25 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--margin', type=shared.positive_number, metavar='MU',
         help='prove F(xi+) - F(xi) <= -(1 + MU) L (default: 0.1, or half of what the '
              'terminal_scale leaves, if that is less)')
-    add_effort(parser)
-
-
-def add_effort(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments that say how much work may be done."""
-    parser.add_argument(
-        '--workers', type=positive_integer, default=os.cpu_count() or 1, metavar='N',
-        help='processes (default: one for each core, here %(default)s)')
-    parser.add_argument(
-        '--budget', type=positive_integer, default=200_000, metavar='BOXES',
-        help='boxes after which a level counts as not provable (default: %(default)s)')
-
-
-def positive_integer(text: str) -> int:
-    """Read an integer above zero."""
-    value = int(text) if text.isdecimal() else 0
-    if value < 1:
-        raise argparse.ArgumentTypeError(f'{text!r} is not an integer above 0')
-    return value
+    effort.add_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -72,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
     console = report.make_console()
     console.print(f'Controller: {path}', soft_wrap=True, markup=False)
     start = time.perf_counter()
-    with progress_bar(console, 'Proving') as progress:
+    with effort.shown(console, 'Proving') as progress:
         certificate = certify_problem(
             kind, values, margin=arguments.margin, budget=arguments.budget,
             workers=arguments.workers, progress=progress)
@@ -115,24 +95,3 @@ def _largest(evidence: dict[str, dict[str, float]], word: str) -> str:
     found = [value for name, value in evidence['largest_ratios'].items()
              if word in name.split() and 'branch' not in name]
     return f'at most {max(found):.3g}' if found else ''
-
-
-@contextmanager
-def progress_bar(console: Console, title: str) -> Iterator[Callable[[float, int], None]]:
-    """Show a bar on a terminal, a line for each tenth elsewhere; yield the progress callback."""
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
-    if not console.is_terminal:
-        tenth = -1
-
-        def say(done: float, boxes: int) -> None:
-            nonlocal tenth
-            if int(10 * done) != tenth:
-                tenth = int(10 * done)
-                console.print(f'{title}: {100 * done:.0f} % of the volume, {boxes} boxes')
-        yield say
-        return
-    columns = (TextColumn(title), BarColumn(), TaskProgressColumn(),
-               TextColumn('{task.fields[boxes]} boxes'))
-    with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task(title, total=1.0, boxes=0)
-        yield lambda done, boxes: bar.update(task, completed=done, boxes=boxes)

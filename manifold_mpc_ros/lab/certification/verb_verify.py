@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from manifold_mpc_ros.errors import ManifoldMpcError
-from manifold_mpc_ros.lab.certification.verb_certify import add_effort, progress_bar
+from manifold_mpc_ros.lab.certification import effort
 
 EXAMPLES = """\
   manifold-mpc verify
@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         'certificate', nargs='?', type=Path, default=Path('certificate.json'), metavar='FILE',
         help='the certificate (default: %(default)s)')
-    add_effort(parser)
+    effort.add_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -35,7 +35,7 @@ def run(arguments: argparse.Namespace) -> int:
     console = report.make_console()
     try:
         certificate = read_certificate(arguments.certificate)
-        with progress_bar(console, 'Proving again') as progress:
+        with effort.shown(console, 'Proving again') as progress:
             recheck(certificate, budget=arguments.budget, workers=arguments.workers,
                     progress=progress)
     except ManifoldMpcError as error:

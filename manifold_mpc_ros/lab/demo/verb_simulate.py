@@ -6,8 +6,6 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,13 +16,11 @@ from manifold_mpc_ros.cli import arguments as shared
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig, SimulatorConfig
 from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.mpc.target import error_angle
-from manifold_mpc_ros.sim.closed_loop import ClosedLoopLog, Tick, run_closed_loop
+from manifold_mpc_ros.sim.closed_loop import ClosedLoopLog, run_closed_loop
 from manifold_mpc_ros.sim.plant import Plant
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from rich.console import Console
+    pass
 
 EXAMPLES = """\
   manifold-mpc simulate
@@ -56,6 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Simulate, print, draw; 0 when the attitude settled, otherwise 1."""
     from manifold_mpc_ros.cli import console as report
+    from manifold_mpc_ros.cli.progress import Progress
     from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
     controller = ControllerConfig.from_yaml(
         shared.controller_config_path(arguments.controller_config))
@@ -67,9 +64,12 @@ def run(arguments: argparse.Namespace) -> int:
     console = report.make_console()
     with console.status('Designing the terminal set and building the solver'):
         mpc = AttitudeMpc(config, backend=arguments.backend or controller.backend)
-    with _progress(console) as on_tick:
+    with Progress(console, 's', arguments.duration) as progress:
         log = run_closed_loop(
-            mpc, plant, arguments.duration, config.step_s, on_tick=on_tick,
+            mpc, plant, arguments.duration, config.step_s,
+            on_tick=lambda tick: progress.show(
+                tick.time_s, f'error {math.degrees(tick.attitude_error_rad):9.4f} deg, '
+                f'rate {tick.rate_rad_s:8.5f} rad/s'),
             error_angle=partial(error_angle, config))
     settled_s = log.settled_at(
         math.radians(arguments.attitude_tolerance), arguments.rate_tolerance)
@@ -79,25 +79,6 @@ def run(arguments: argparse.Namespace) -> int:
     console.print(report.result_table('Closed loop, offline', rows))
     report.say_written(console, _write(log, config, arguments, settled_s))
     return 0 if settled_s is not None else 1
-
-
-@contextmanager
-def _progress(console: Console) -> Iterator[Callable[[Tick], None]]:
-    """Show a bar while the loop runs; yields what to call at each control step."""
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-    with Progress(
-        TextColumn('t = {task.fields[time_s]:6.1f} s'), BarColumn(), TimeRemainingColumn(),
-        TextColumn('error {task.fields[degrees]:9.4f} deg   rate {task.fields[rate]:8.5f} rad/s'),
-        console=console, disable=not console.is_terminal,
-    ) as progress:
-        task = progress.add_task('', time_s=0.0, degrees=0.0, rate=0.0)
-
-        def on_tick(tick: Tick) -> None:
-            progress.update(
-                task, total=tick.last_index, completed=tick.index, time_s=tick.time_s,
-                degrees=math.degrees(tick.attitude_error_rad), rate=tick.rate_rad_s)
-
-        yield on_tick
 
 
 def _result_rows(

@@ -7,6 +7,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+
 if TYPE_CHECKING:
     from manifold_mpc_ros.lab.discontinuity.study import AntipodeStudy, AxisStudy, JumpMap
 
@@ -21,6 +25,15 @@ one equilibrium, by steps that can be deformed to standing still, would shrink M
 M. SO(3) and S^2, with their rates or without, do not shrink. By indices (Lefschetz, Hopf): one
 attractor counts 1, but over a compact M the count is the Euler characteristic, 0 for SO(3) and 2
 for S^2."""
+
+
+def paper_config() -> AttitudeMpcConfig:
+    """Return the paper's controller, with J = I and h = 0.5 s chosen by us."""
+    inertia = np.eye(3)
+    return AttitudeMpcConfig(
+        inertia_kg_m2=inertia, step_s=0.5, horizon=10, attitude_weight=np.eye(3),
+        rate_weight=np.trace(inertia) / 2.0 * np.eye(3) - inertia,
+        torque_weight=2.0 * np.eye(3), terminal_scale=0.1, forcing='paper')
 
 
 @dataclass

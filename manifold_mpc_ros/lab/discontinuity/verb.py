@@ -16,8 +16,7 @@ import numpy as np
 from manifold_mpc_ros.cli import arguments as shared
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.errors import ConfigurationError
-from manifold_mpc_ros.lab.discontinuity.findings import LAWS, WHY, Findings
-from manifold_mpc_ros.lab.discontinuity.verb_figures import paper_config
+from manifold_mpc_ros.lab.discontinuity.findings import LAWS, WHY, Findings, paper_config
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -51,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="the paper's law, that of the controller's file without limits and with them "
              '(default: all three)')
     parser.add_argument(
-        '--map-axes', type=_count, default=300, metavar='N',
+        '--map-axes', type=shared.whole_number(0), default=300, metavar='N',
         help='measure the jump about N axes over the hemisphere, 0: do not (default: %(default)s)')
     shared.add_backend(parser, 'auto')
     shared.add_output(parser, 'results/discontinuity')
@@ -167,11 +166,4 @@ def _span(text: str) -> float:
     if value > 90.0:
         raise argparse.ArgumentTypeError(f'{text!r} is above 90 degrees')
     return value
-
-
-def _count(text: str) -> int:
-    """Read a whole number, 0 or more."""
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f'{text!r} is not a whole number, 0 or more')
-    return int(text)
 

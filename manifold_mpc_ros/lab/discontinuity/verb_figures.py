@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from manifold_mpc_ros.cli import arguments as shared
-from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.lab.discontinuity.findings import paper_config
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.sim.closed_loop import ClosedLoopLog, run_closed_loop
 from manifold_mpc_ros.sim.model_plant import ModelPlant
@@ -55,15 +55,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='simulated time, a multiple of h = 0.5 s (default: %(default)s)')
     shared.add_backend(parser, 'auto')
     shared.add_output(parser, 'results/figures')
-
-
-def paper_config() -> AttitudeMpcConfig:
-    """Return the paper's controller, with J = I and h = 0.5 s chosen by us."""
-    inertia = np.eye(3)
-    return AttitudeMpcConfig(
-        inertia_kg_m2=inertia, step_s=0.5, horizon=10, attitude_weight=np.eye(3),
-        rate_weight=np.trace(inertia) / 2.0 * np.eye(3) - inertia,
-        torque_weight=2.0 * np.eye(3), terminal_scale=0.1, forcing='paper')
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -5,57 +5,32 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from manifold_mpc_ros.cli import console as report
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.lab.domain.domain import NONE, Domain, Progress, Round
+from manifold_mpc_ros.lab.domain.domain import NONE, Domain, Round
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from manifold_mpc_ros.cli.progress import Progress
     from manifold_mpc_ros.lab.domain.states import Plane
     from manifold_mpc_ros.terminal.design import TerminalDesign
 
-# Where the output is no terminal, a line at least as often as this.
-PLAIN_LINE_PERIOD_S = 10.0
 STATEMENT = ('Sampled: each state was asked by itself, and nothing is certified between them. '
              'Inside D_N: a plan was found and checked. Outside: no start of the search led to '
              'one.')
 
 
-@contextmanager
-def progress(console: Console) -> Iterator[Progress]:
-    """Show a bar on a terminal, lines elsewhere; yields what to call."""
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
-    from rich.progress import Progress as Bar
-    with Bar(
-        TextColumn('{task.description}'), BarColumn(), MofNCompleteColumn(),
-        TimeElapsedColumn(), TextColumn('{task.fields[decided]}'), console=console,
-        disable=not console.is_terminal,
-    ) as bar:
-        task = bar.add_task('building the first solver', total=None, decided='')
-        last = time.monotonic()
-
-        def advance(now: Round) -> None:
-            nonlocal last
-            decided = f'{now.decided} of {now.states} states decided'
-            text = f'round {now.number}: N = {", ".join(map(str, now.horizons))}'
-            bar.update(task, description=text, completed=now.tried, total=now.to_try,
-                       decided=decided)
-            if not console.is_terminal and (
-                    now.tried == now.to_try or time.monotonic() - last > PLAIN_LINE_PERIOD_S):
-                last = time.monotonic()
-                console.print(f'{text}: {now.tried} of {now.to_try} states tried, {now.found} '
-                              f'inside; {decided}', soft_wrap=True)
-                console.file.flush()
-
-        yield advance
+def show_round(progress: Progress, now: Round) -> None:
+    """Show how far the search is."""
+    progress.show(now.tried, f'{now.found} inside; round {now.number}: '
+                  f'N = {", ".join(map(str, now.horizons))}; '
+                  f'{now.decided} of {now.states} states decided', now.to_try)
 
 
 def show(console: Console, config: AttitudeMpcConfig, domains: Sequence[Domain],

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -28,41 +27,25 @@ EXAMPLES = """\
 """
 
 
-@dataclass(frozen=True)
-class WholeNumber:
-    """Reads whole numbers from ``least`` on."""
-
-    least: int
-
-    def __call__(self, text: str) -> int:
-        """Read a number."""
-        if not text.isdecimal() or not self.least <= int(text) <= 10**6:
-            raise argparse.ArgumentTypeError(
-                f'{text!r} is not a whole number from {self.least} to 1000000')
-        return int(text)
-
-
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this verb."""
     shared.add_controller_config(parser)
     parser.add_argument(
-        '--states', type=WholeNumber(10), default=4000, metavar='N',
+        '--states', type=shared.whole_number(10), default=4000, metavar='N',
         help='points of the uniform grid on SO(3), for pointing on S^2 (default: %(default)s)')
     parser.add_argument(
-        '--half-turns', type=WholeNumber(1), default=1000, metavar='N',
+        '--half-turns', type=shared.whole_number(1), default=1000, metavar='N',
         help='axes of exact half turns, beside x, y and z; pointing has its antipode alone '
              '(default: %(default)s)')
     parser.add_argument(
         '--largest-rate', type=shared.positive_number, metavar='RAD/S',
         help='also ask the grid with rates uniform in a ball of this radius')
     parser.add_argument(
-        '--resolution', type=WholeNumber(5), default=61, metavar='N',
+        '--resolution', type=shared.whole_number(5), default=61, metavar='N',
         help='points across each plane of the picture (default: %(default)s)')
     parser.add_argument(
         '--no-picture', action='store_true', help='neither the planes nor the picture')
-    parser.add_argument(
-        '--workers', type=WholeNumber(1), default=os.cpu_count() or 1, metavar='N',
-        help='processes (default: one for each core, %(default)s)')
+    shared.add_workers(parser)
     shared.add_backend(parser, "the parameter file's")
     shared.add_output(parser, 'results/domain')
 
@@ -86,6 +69,7 @@ class Groups:
 def run(arguments: argparse.Namespace) -> int:
     """Search, print, draw; 0, as an answer that somebody may not like is an answer."""
     from manifold_mpc_ros.cli import console as report
+    from manifold_mpc_ros.cli.progress import Progress
     from manifold_mpc_ros.lab.domain import domain, text_report
     from manifold_mpc_ros.terminal.problem_of import terminal_design
     path = shared.controller_config_path(arguments.controller_config)
@@ -100,9 +84,10 @@ def run(arguments: argparse.Namespace) -> int:
         terminal = terminal_design(config)
     settings = domain.Settings(
         workers=arguments.workers, backend=arguments.backend or controller.backend)
-    with text_report.progress(console) as advance:
+    with Progress(console, 'states tried', starting='building the first solver') as progress:
         found = domain.smallest_horizons(
-            config, terminal, groups.all, settings=settings, progress=advance)
+            config, terminal, groups.all, settings=settings,
+            progress=lambda now: text_report.show_round(progress, now))
     elapsed_s = time.monotonic() - begin
     cut = len(found) - len(groups.planes)
     asked, planes = found[:cut], list(zip((plane for plane, _ in groups.planes), found[cut:]))

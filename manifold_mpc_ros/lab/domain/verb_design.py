@@ -139,13 +139,11 @@ def _find_horizon(
     console: Console, config: AttitudeMpcConfig, design: TerminalDesign,
 ) -> HorizonReport:
     """Search the smallest horizon, saying what is being tried."""
+    from manifold_mpc_ros.cli.progress import activity
     from manifold_mpc_ros.lab.domain.horizon import smallest_horizon
-    with console.status('Searching the smallest horizon') as status:
-        def progress(line: str) -> None:
-            status.update(f'Searching the smallest horizon: {line}')
-            if not console.is_terminal:
-                console.print(line)
-        return smallest_horizon(config, terminal=design, progress=progress)
+    with activity(console, 'Searching the smallest horizon') as say:
+        return smallest_horizon(config, terminal=design, progress=lambda line: say(
+            f'Searching the smallest horizon: {line}'))
 
 
 def rest_angle_deg(design: TerminalDesign) -> float:

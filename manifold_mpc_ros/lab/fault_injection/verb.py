@@ -23,6 +23,7 @@ from manifold_mpc_ros.lab.fault_injection.table import FAULTS, QUICK, faults_nam
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from manifold_mpc_ros.lab.fault_injection.evidence import Verdict
     from manifold_mpc_ros.lab.fault_injection.rig import BenchPlan
     from manifold_mpc_ros.lab.fault_injection.run import Done
 
@@ -51,12 +52,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                       help='every fault in every phase with every seed')
     what.add_argument('--soak', type=duration, metavar='DURATION',
                       help='random faults for so long (90s, 20min, 1h), in one pair of processes')
-    what.add_argument('--drills', type=whole, metavar='N',
+    what.add_argument('--drills', type=shared.whole_number(1), metavar='N',
                       help='kill each node N times; it has to come back by itself')
     what.add_argument('--list', action='store_true', help='list the faults and end')
     parser.add_argument('--fault', action='append', metavar='NAME',
                         help='only this fault; may be given several times')
-    parser.add_argument('--seeds', type=whole, default=1, metavar='N',
+    parser.add_argument('--seeds', type=shared.whole_number(1), default=1, metavar='N',
                         help='seeds of the matrix (default: %(default)s)')
     parser.add_argument('--seed', type=int, default=0, metavar='N',
                         help='of manoeuvres and of the soak (default: %(default)s)')
@@ -64,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='period of the faults of a soak (default: %(default)s)')
     parser.add_argument('--rate-hz', type=shared.positive_number, metavar='HZ',
                         help='rate of control (default: as in the parameter file, shipped: 50)')
-    parser.add_argument('--pairs', type=whole, default=2, metavar='N',
+    parser.add_argument('--pairs', type=shared.whole_number(1), default=2, metavar='N',
                         help='pairs of nodes side by side, each on a domain of its own; a soak '
                              'has one (default: %(default)s)')
     parser.add_argument('--controller-command', metavar='COMMAND',
@@ -75,13 +76,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='parameter file of the simulator (default: shipped, chaos/)')
     parser.add_argument('--output', type=Path, metavar='FILE.json',
                         help='write every figure (default: results/chaos_KIND.json)')
-
-
-def whole(text: str) -> int:
-    """Read a whole number above zero."""
-    if not (text.isdecimal() and 1 <= int(text) < 10**6):
-        raise argparse.ArgumentTypeError(f'{text!r} is not a whole number from 1 to 999999')
-    return int(text)
 
 
 def duration(text: str) -> float:
@@ -149,11 +143,21 @@ def _inject(
     plan: BenchPlan, trials: list[Trial], arguments: argparse.Namespace, console: Console,
 ) -> Done:
     """Run all trials with live progress."""
-    from manifold_mpc_ros.lab.fault_injection.display import ChaosDisplay
+    from manifold_mpc_ros.cli.progress import Progress
     from manifold_mpc_ros.lab.fault_injection.run import run_trials
     pairs = 1 if arguments.soak is not None else arguments.pairs
-    with ChaosDisplay(console, len(trials)) as display:
-        return run_trials(plan, trials, pairs, arguments.seed, display.show)
+    said = 0
+    with Progress(console, 'faults injected', len(trials), 'starting the nodes') as progress:
+        def show(verdicts: Sequence[Verdict]) -> None:
+            nonlocal said
+            for verdict in verdicts[said:]:
+                if not verdict.survived:
+                    progress.say(f'NOT survived: {verdict.fault} ({verdict.phase}, seed '
+                                 f'{verdict.seed}): ' + '; '.join(verdict.reasons))
+            said = len(verdicts)
+            progress.show(said, f'{sum(one.survived for one in verdicts)} survived')
+
+        return run_trials(plan, trials, pairs, arguments.seed, show)
 
 
 def _destination(path: Path) -> Path:

@@ -42,7 +42,7 @@ def replay(plan: ReplayPlan, console: Console, start_limit_s: float) -> ReplayRe
     Raises ManifoldMpcError when the controller ends, refuses its configuration, or does not
     answer.
     """
-    from manifold_mpc_ros.lab.recording.display import RecordDisplay
+    from manifold_mpc_ros.cli.progress import Progress
     from manifold_mpc_ros.lab.recording.nodes.replay_node import Replayer
     with ExitStack() as stack:
         folder = Path(stack.enter_context(
@@ -50,8 +50,8 @@ def replay(plan: ReplayPlan, console: Console, start_limit_s: float) -> ReplayRe
         domain = stack.enter_context(reserved_domain())
         replayer = stack.enter_context(Replayer(domain, plan.feed))
         processes = stack.enter_context(NodeProcesses())
-        display = stack.enter_context(
-            RecordDisplay(console, plan.duration_s, 'replayed', 'starting the controller'))
+        shown = stack.enter_context(
+            Progress(console, 's replayed', plan.duration_s, 'starting the controller'))
         processes.start(_EXECUTABLE, plan.arguments(folder), node_environment(domain),
                         folder / f'{_EXECUTABLE}.log')
         patience = _Patience(processes, start_limit_s)
@@ -60,7 +60,7 @@ def replay(plan: ReplayPlan, console: Console, start_limit_s: float) -> ReplayRe
 
         def progress(time_s: float) -> None:
             patience.renew(STANDSTILL_S)
-            display.show(time_s)
+            shown.show(min(time_s, plan.duration_s))
 
         if plan.rate is None:
             replayer.in_lockstep(progress, patience)

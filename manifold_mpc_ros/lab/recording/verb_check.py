@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
             suites.append(Suite(str(path), error=str(error)))
             console.print(f'{error}\n', soft_wrap=True, markup=False)
             continue
-        suites.append(Suite(title(recorded), verdict))
+        suites.append(Suite(recorded.title, verdict))
         console.print(verdict_table(recorded, verdict))
         console.print(sentence(verdict), soft_wrap=True, markup=False)
     if arguments.junit is not None:
@@ -67,16 +67,11 @@ def judged(path: Path) -> tuple[BagRun, Verdict]:
     return recorded, judge(recorded)
 
 
-def title(recorded: BagRun) -> str:
-    """Return what a run is called."""
-    return recorded.description.scenario_name or recorded.path.stem
-
-
 def verdict_table(recorded: BagRun, verdict: Verdict) -> Table:
     """Return the judgements as a table."""
     from rich.table import Table
     from rich.text import Text
-    table = Table(title=Text(f'{title(recorded)}: {recorded.path}'), title_justify='left')
+    table = Table(title=Text(f'{recorded.title}: {recorded.path}'), title_justify='left')
     for name in ('', 'limit', 'measured', 'verdict'):
         table.add_column(name)
     for each in verdict.judgements:

@@ -126,8 +126,8 @@ def _record(
     scenario: Scenario, path: Path, arguments: argparse.Namespace, console: Console,
 ) -> dict[str, int]:
     """Record into a new bag, which is closed whatever happens; messages lost, by topic."""
+    from manifold_mpc_ros.cli.progress import Progress
     from manifold_mpc_ros.lab.recording.bags.writer import BagWriter
-    from manifold_mpc_ros.lab.recording.display import RecordDisplay
     from manifold_mpc_ros.lab.recording.nodes.bag_recorder import BagRecorder
     from manifold_mpc_ros.lab.recording.recorder import Recording
     plan = RecordPlan(scenario)
@@ -142,9 +142,10 @@ def _record(
         processes = stack.enter_context(NodeProcesses())
         inputs = _inputs(plan, recorder)
         recording = Recording(plan, writer, recorder, inputs, processes, interrupts)
-        with RecordDisplay(console, scenario.duration_s) as display:
+        duration_s = scenario.duration_s
+        with Progress(console, 's simulated', duration_s, 'starting the nodes') as progress:
             recording.start(node_environment(domain), logs, arguments.start_limit)
-            recording.run(display.show)
+            recording.run(lambda time_s: progress.show(min(time_s, duration_s)))
         outcome.update(outcome='complete', lost=json.dumps(recorder.lost()),
                        link_losses=json.dumps(inputs.lost),
                        unrecorded=json.dumps(recorder.unrecorded))

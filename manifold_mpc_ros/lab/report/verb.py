@@ -13,7 +13,6 @@ import numpy as np
 
 from manifold_mpc_ros.cli import arguments as shared
 from manifold_mpc_ros.lab.recording.bag_topics import add_topics, topics_given
-from manifold_mpc_ros.lab.recording.verb_check import title
 
 if TYPE_CHECKING:
     from manifold_mpc_ros.lab.recording.bags.run import BagRun, TopicNames
@@ -73,7 +72,7 @@ def _reported(path: Path, topics: TopicNames | None) -> Reported:
         verdict = judge(recorded)
     except BagError:
         verdict = None
-    return Reported(title(recorded), recorded, verdict)
+    return Reported(recorded.title, recorded, verdict)
 
 
 def _distinct(names: list[str]) -> list[str]:

@@ -82,6 +82,11 @@ class BagRun:
     contents: BagContents
 
     @property
+    def title(self) -> str:
+        """What the run is called."""
+        return self.description.scenario_name or self.path.stem
+
+    @property
     def R_ND(self) -> FloatArray:
         """The commanded attitude at each state (n, 3, 3).
 
