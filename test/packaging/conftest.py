@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import sys
 import sysconfig
@@ -11,6 +12,7 @@ import venv
 from pathlib import Path
 
 import pytest
+from distributions import files_of, required_by
 from installed import BUILD, PIP, TOP, run
 
 NOT_SOURCES = shutil.ignore_patterns(
@@ -49,6 +51,25 @@ def pip_prefix(checkout: Path, tmp_path_factory: pytest.TempPathFactory) -> Path
     Path(ours.strip(), 'borrowed.pth').write_text('\n'.join(borrowed) + '\n', encoding='utf-8')
     pip = [*PIP[:3], '--python', python, *PIP[3:]]
     run([*pip, 'install', *BUILD, '--ignore-installed', '.'], cwd=checkout)
+    return prefix
+
+
+@pytest.fixture(scope='session')
+def flight_prefix(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a new virtual environment with what ``pip install '.[ros]'`` brings, and no more.
+
+    The distributions that the wheel requires are links to those that run the tests.
+    """
+    prefix = tmp_path_factory.mktemp('flight') / 'prefix'
+    venv.create(prefix, with_pip=False, symlinks=True)
+    pip = [*PIP[:3], '--python', prefix / 'bin' / 'python', *PIP[3:]]
+    run([*pip, 'install', '--quiet', '--no-deps', '--no-index', wheel], cwd=prefix)
+    purelib = Path('lib', f'python{sys.version_info[0]}.{sys.version_info[1]}', 'site-packages')
+    for file in files_of(required_by(wheel, {'ros'})):
+        place = Path(os.path.normpath(prefix / purelib / file))
+        place.parent.mkdir(parents=True, exist_ok=True)
+        if not place.exists():
+            place.symlink_to(file.locate())
     return prefix
 
 

@@ -150,6 +150,8 @@ def _inject(
     with Progress(console, 'faults injected', len(trials), 'starting the nodes') as progress:
         def show(verdicts: Sequence[Verdict]) -> None:
             nonlocal said
+            if len(verdicts) == said:
+                return
             for verdict in verdicts[said:]:
                 if not verdict.survived:
                     progress.say(f'NOT survived: {verdict.fault} ({verdict.phase}, seed '
