@@ -18,7 +18,8 @@ from pathlib import Path
 from typing import Any
 
 TOP = Path(__file__).resolve().parent.parent
-PAGES = (TOP / 'README.md', TOP / 'docs' / 'performance.md', TOP / 'docs' / 'chaos.md')
+PAGES = (TOP / 'README.md', *(TOP / 'docs' / f'{name}.md'
+                              for name in ('performance', 'chaos', 'install')))
 RESULTS = TOP / 'docs' / 'results'
 CHAOS = 'chaos_matrix chaos_soak chaos_drills chaos_drills_shared_memory'
 TABLE = re.compile(r'(<!-- table: (\S+) -->\n).*?(<!-- end -->)', re.DOTALL)
@@ -207,6 +208,16 @@ def counts(data: dict[str, Any]) -> str:
          f'{row["instructions_per_solve"]:,}'] for row in data['rows']])
 
 
+def light(data: dict[str, Any]) -> str:
+    """Return how long a start takes, and what an installation brings."""
+    return table(['start of', 'wall time, median [s]', 'processor time, median [s]'], [
+        [f'`{name}`', f'{took["median_s"]:.2f}', f'{took["median_processor_s"]:.2f}']
+        for name, took in data['seconds'].items()]) + '\n' + table(
+        ['installed', 'distributions', 'MB'],
+        [[name, str(what['distributions']), f'{what["megabytes"]:.0f}']
+         for name, what in data['installed'].items()])
+
+
 TABLES: dict[str, tuple[str, Callable[..., str]]] = {
     'summary': ('bench', summary),
     'survival': (CHAOS, survival),
@@ -220,11 +231,11 @@ TABLES: dict[str, tuple[str, Callable[..., str]]] = {
     'ticks': ('tick', lambda data: _with_picture(ticks(data), 'tick')),
     'tick-machine': ('tick', machine),
     'instructions': ('instructions', counts),
-    'batch': ('batch', loops),
+    'batch': ('batch', loops), 'light': ('light', light),
 }
 COMMANDS = {'bench': 'make bench', 'tick': 'manifold-mpc bench --tick',
             'instructions': 'manifold-mpc bench --instructions',
-            'batch': 'manifold-mpc bench --batch', 'chaos': 'manifold-mpc chaos'}
+            'batch': 'manifold-mpc bench --batch', 'light': 'python benchmarks/light.py', 'chaos': 'manifold-mpc chaos'}
 
 
 def filled(page: str) -> str:
