@@ -235,7 +235,8 @@ TABLES: dict[str, tuple[str, Callable[..., str]]] = {
 }
 COMMANDS = {'bench': 'make bench', 'tick': 'manifold-mpc bench --tick',
             'instructions': 'manifold-mpc bench --instructions',
-            'batch': 'manifold-mpc bench --batch', 'light': 'python benchmarks/light.py', 'chaos': 'manifold-mpc chaos'}
+            'batch': 'manifold-mpc bench --batch', 'light': 'python benchmarks/light.py',
+            'chaos': 'manifold-mpc chaos'}
 
 
 def filled(page: str) -> str:
