@@ -95,11 +95,12 @@ class Profile:
 def figures(path: Sequence[Call]) -> dict[str, Any]:
     """Return what is told of a path."""
     folders = [folder for folder, _ in itertools.groupby(call.folder for call in path)]
-    crossings = sum(bool(call.caller) and _folder(call.caller) != call.folder for call in path)
+    crossings = [f'{call.caller} > {call.file}:{call.function}' for call in path
+                 if call.caller and _folder(call.caller) != call.folder]
     return {
         'calls': len(path), 'files': len({call.file for call in path}),
         'folders': len(set(folders)), 'changes_of_folder': len(folders) - 1,
-        'crossings': crossings, 'folders_in_order': folders,
+        'crossings': len(crossings), 'folders_in_order': folders, 'crossing_calls': crossings,
         'path': [f'{call.file}:{call.function}' for call in path],
     }
 

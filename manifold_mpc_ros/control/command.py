@@ -15,21 +15,20 @@ from manifold_mpc_ros.control.modes import Mode
 from manifold_mpc_ros.control.solver_thread import SolverRunner
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution
 
-#: Where a torque comes from, by mode; the others command zero.
-_SOURCES = {Mode.NOMINAL: 'mpc', Mode.HOLD: 'plan', Mode.FALLBACK: 'fallback'}
-
 
 @dataclass(frozen=True)
 class Command:
     """One decided command: finite, within the limits, and why it is what it is.
 
-    ``stamp_ns`` is the stamp of the state that it answers [ns].
+    ``stamp_ns`` is the stamp of the state that it answers [ns]; ``source`` says where the torque
+    comes from: 'mpc', 'plan', 'fallback' or 'zero'.
     """
 
     stamp_ns: int
     actuation: Actuation
     mode: Mode
     reason: str
+    source: str = 'zero'
     solution: AttitudeMpcSolution | None = None
     decrease: DecreaseRecord | None = None
 
@@ -37,12 +36,6 @@ class Command:
     def torque_B_n_m(self) -> FloatArray:
         """The body torque (3,) that is asked of the actuator [N m]."""
         return self.actuation.torque_B_n_m
-
-    @property
-    def source(self) -> str:
-        """Where the torque comes from: 'mpc', 'plan', 'fallback' or 'zero'."""
-        return _SOURCES.get(self.mode, 'zero')
-
 
 @dataclass(frozen=True)
 class Law:

@@ -35,6 +35,8 @@ from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.errors import StepExistenceError
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 
+#: Where a torque comes from, by mode; the others command zero.
+_SOURCES = {Mode.NOMINAL: 'mpc', Mode.HOLD: 'plan', Mode.FALLBACK: 'fallback'}
 #: From these the torque comes back to the optimiser's gradually.
 _RETURNS = frozenset({Mode.FALLBACK, Mode.COAST, Mode.FAULT})
 
@@ -53,6 +55,7 @@ class ControlLoop:
     make_actuator
         What makes the actuator of a configuration.
 
+    ``sample`` is the latest state, None before the first.
     """
 
     def __init__(
@@ -78,7 +81,7 @@ class ControlLoop:
         self.output.zero()
         self._R_ND: FloatArray | None = None if self._hold else np.eye(3)
         self.commanded = False
-        self._sample: StateSample | None = None
+        self.sample: StateSample | None = None
         self._flush('reset')
 
     def exchange(self, law: Law) -> None:
@@ -100,11 +103,6 @@ class ControlLoop:
         self._fallback = FallbackLaw(law.config)
         self._cold = True
 
-    @property
-    def state_stamp_ns(self) -> int | None:
-        """Stamp of the latest state, None before the first."""
-        return None if self._sample is None else self._sample.stamp_ns
-
     def receive(
         self, raw: RawState, now_ns: int, received_ns: int | None = None,
     ) -> Refusal | None:
@@ -124,14 +122,14 @@ class ControlLoop:
         if restarted:
             self._flush('time started again')
             self.logic.restart()
-        self._sample = sample
+        self.sample = sample
         self.logic.see()
         if self._R_ND is None:
             self._R_ND = sample.R_NB
 
     def go_back(self) -> None:
         """Forget the state and the plan: the clock went back."""
-        self._sample = None
+        self.sample = None
         self.gate.forget()
         self._flush('time started again')
 
@@ -147,7 +145,7 @@ class ControlLoop:
         late = self._law.solver.late_result()
         if late is not None and late.request.epoch == self._epoch:
             self._offer(late)
-        sample, time_ns = self._sample, at.time_ns(self._sample)
+        sample, time_ns = self.sample, at.time_ns(self.sample)
         age_ns = None if sample is None else at.age_ns(sample)
         facts, solution = Facts(age_ns), None
         if age_ns is not None and self.logic.wants_plan(age_ns):
@@ -158,7 +156,7 @@ class ControlLoop:
         command = Command(
             time_ns if sample is None else sample.stamp_ns,
             self._actuate(decision, held_B_n_m, age_ns or 0), decision.mode, decision.reason,
-            solution)
+            _SOURCES.get(decision.mode, 'zero'), solution)
         self._mode = decision.mode
         judged = self._judged(command, at)
         self.logic.succeed()
@@ -169,9 +167,8 @@ class ControlLoop:
         decision = self.logic.fail(error)
         self._mode = decision.mode
         self._flush('an error')
-        return Command(
-            self.state_stamp_ns or at.time_ns(None), self.output.zero(), decision.mode,
-            decision.reason)
+        stamp_ns = at.time_ns(None) if self.sample is None else self.sample.stamp_ns
+        return Command(stamp_ns, self.output.zero(), decision.mode, decision.reason)
 
     def stopped(self, now_ns: int) -> Command:
         """Return the last command, zero."""
@@ -216,8 +213,8 @@ class ControlLoop:
 
         Raises StepExistenceError where the implicit step is not guaranteed.
         """
-        assert self._sample is not None
-        R_NB, omega_BN_B = self._sample.R_NB, self._sample.omega_BN_B
+        assert self.sample is not None
+        R_NB, omega_BN_B = self.sample.R_NB, self.sample.omega_BN_B
         age_s, config = age_ns / NANOSECONDS, self._law.config
         steps = math.ceil(age_s / config.step_s)
         for _ in range(steps):
@@ -243,12 +240,12 @@ class ControlLoop:
 
     def _fall_back(self, age_ns: int) -> FloatArray:
         """Return the torque of the fallback law, at the tick where the state can be moved on."""
-        assert self._sample is not None
+        assert self.sample is not None
         assert self._R_ND is not None
         try:
             state = self._at_the_tick(age_ns)
         except StepExistenceError:
-            state = self._sample.R_NB, self._sample.omega_BN_B
+            state = self.sample.R_NB, self.sample.omega_BN_B
         return self._fallback.torque(*state, self._R_ND)
 
     def _judged(self, command: Command, at: TickTime) -> Command:
@@ -260,7 +257,7 @@ class ControlLoop:
         applied = (solution is not None and nominal
                    and command.actuation.realises(solution.torque_B_n_m))
         return replace(command, decrease=monitor.observe(
-            solution, time_s=at.time_ns(self._sample) / NANOSECONDS,
+            solution, time_s=at.time_ns(self.sample) / NANOSECONDS,
             delay_s=0.0 if solution is None else at.delay_s(solution.solve_time_s),
             applied=applied, why_none='' if nominal else command.reason))
 

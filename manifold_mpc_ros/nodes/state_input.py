@@ -16,8 +16,8 @@ from rclpy.qos import QoSProfile
 
 from manifold_mpc_ros.config.interfaces import STATE_SOURCES, message_class
 from manifold_mpc_ros.control.input_gate import RawState, Refusal
-from manifold_mpc_ros.control.publisher_watch import PublisherWatch
 from manifold_mpc_ros.nodes.managed_node import ManagedNode
+from manifold_mpc_ros.nodes.publisher_watch import PublisherWatch
 
 #: What a node does with a state, or with the reason why a message makes none; and what the
 #: middleware says about the message that completed it.

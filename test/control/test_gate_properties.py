@@ -28,8 +28,8 @@ from manifold_mpc_ros.control.input_gate import (
     admit_setpoint,
     admit_torque,
 )
-from manifold_mpc_ros.control.publisher_watch import PublisherWatch
 from manifold_mpc_ros.nodes.controller.tick_timing import AnswerTiming, TickTiming, arrival_s
+from manifold_mpc_ros.nodes.publisher_watch import PublisherWatch
 
 SECOND = 10**9
 stamps = st.integers(-2**31 * SECOND, 2**31 * SECOND) | st.integers(9 * SECOND, 13 * SECOND)

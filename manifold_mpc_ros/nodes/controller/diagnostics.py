@@ -29,7 +29,7 @@ def status_of(command: Command | None, loop: ControlLoop, waiting: str) -> Statu
     if command is None:
         return Status(DiagnosticStatus.WARN, waiting, {
             'mode': Mode.WAIT.value, 'command_source': 'zero'})
-    first = command.mode is Mode.WAIT and loop.state_stamp_ns is None
+    first = command.mode is Mode.WAIT and loop.sample is None
     status = Status(_LEVELS[command.mode], waiting if first else command.reason, {
         'mode': command.mode.value,
         'command_source': command.source,

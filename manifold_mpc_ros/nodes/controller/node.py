@@ -149,9 +149,9 @@ class AttitudeControllerNode(ManagedNode):
             **self._changes.values(),
             scheduling=self._realtime.scheduling, memory=self._realtime.memory)
         status.values.update(self._timing.values())
-        latest_ns = self._loop.state_stamp_ns
-        if latest_ns is not None and not self._config.lockstep:
-            status.values['state_age_s'] = max(0, self._now_ns() - latest_ns) / NANOSECONDS
+        latest = self._loop.sample
+        if latest is not None and not self._config.lockstep:
+            status.values['state_age_s'] = max(0, self._now_ns() - latest.stamp_ns) / NANOSECONDS
         return status
 
     def make_solver(

@@ -24,9 +24,9 @@ from manifold_mpc_ros.control.input_gate import (
     StateSample,
     admit_torque,
 )
-from manifold_mpc_ros.control.publisher_watch import PublisherWatch
 from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.managed_node import INPUT_QOS, ManagedNode, Status
+from manifold_mpc_ros.nodes.publisher_watch import PublisherWatch
 from manifold_mpc_ros.sim.pacing import Ask, FreeRun, Lockstep, Patience
 from manifold_mpc_ros.sim.plant_loop import PlantLoop
 
