@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.dynamics.inertia import existence_guard
 from manifold_mpc_ros.lie import so3
 
 Array = NDArray[np.float64]
@@ -45,7 +46,7 @@ class FallbackLaw:
         """Choose the gains from inertia, step and limits."""
         self._inertia = config.inertia_kg_m2
         self._step_s = config.step_s
-        self._smallest = float(np.linalg.eigvalsh(config.inertia_kg_m2)[0])
+        self._smallest = existence_guard(config.inertia_kg_m2)
         limit = config.max_torque_n_m
         self._limit = np.full(3, np.inf) if limit is None else limit
         self._stiffness_n_m = min(

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from manifold_mpc_ros.dynamics import scalar_form
+from manifold_mpc_ros.dynamics.inertia import principal_moments
 from manifold_mpc_ros.dynamics.riccati_route import solve_riccati
 from manifold_mpc_ros.dynamics.scalar_form import Matrix, Vector
 from manifold_mpc_ros.errors import ConfigurationError, StepExistenceError
@@ -34,13 +35,6 @@ Solver: TypeAlias = Literal['cayley', 'riccati']
 # A Newton step at or below this leaves an error of its square times the curvature.
 NEWTON_TOLERANCE = 1e-9
 NEWTON_ITERATIONS = 60
-
-
-def nonstandard_inertia(J: ArrayLike) -> Array:
-    """Map the inertia tensor J (..., 3, 3) to J_d = tr(J)/2 I - J (..., 3, 3) [kg m^2]."""
-    J = np.asarray(J, dtype=np.float64)
-    half_trace = 0.5 * np.trace(J, axis1=-2, axis2=-1)
-    return np.asarray(half_trace[..., None, None] * np.eye(3) - J)
 
 
 def cayley_step(m: ArrayLike, J: ArrayLike) -> Array:
@@ -183,7 +177,7 @@ def _require_existence(m: Vector, J: Matrix) -> None:
     if exists.all():
         return
     largest = np.max(np.linalg.norm(_from_vector(m), axis=-1))
-    smallest = np.min(np.linalg.eigvalsh(_from_matrix(J)))
+    smallest = np.min(principal_moments(_from_matrix(J)))
     raise StepExistenceError(
         f'{np.count_nonzero(~exists)} of {exists.size} steps are not guaranteed to exist: '
         f'|h Pi + h^2/2 tau| is {largest:.6g}, and must be finite and stay below the smallest '

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import schur
 
+from manifold_mpc_ros.dynamics.inertia import nonstandard_inertia, principal_moments
 from manifold_mpc_ros.errors import StepExistenceError
 from manifold_mpc_ros.lie.so3 import hat
 
@@ -33,9 +34,9 @@ def solve_riccati(m: NDArray[np.float64], J: NDArray[np.float64]) -> NDArray[np.
     Raises StepExistenceError for a flat body (J_d singular) or an impossible one (J_d
     indefinite), where the route does not exist; the Cayley route has no such limit.
     """
-    J_d = 0.5 * np.trace(J) * np.eye(3) - J
+    J_d = nonstandard_inertia(J)
     scale = np.trace(J_d)
-    smallest = np.linalg.eigvalsh(J_d)[0]
+    smallest = principal_moments(J_d)[0]
     if smallest <= FLAT_BODY * scale:
         raise StepExistenceError(
             f'the Riccati route needs a positive definite J_d = tr(J)/2 I - J (no flat body); '

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from manifold_mpc_ros.config.control_law import SimulatorConfig
 from manifold_mpc_ros.dynamics import scalar_form
+from manifold_mpc_ros.dynamics.inertia import existence_guard
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3
@@ -74,7 +75,7 @@ class Plant:
         self._inertial_disturbance = disturbance_frame == 'inertial'
         self._disturbance_n_m = math.hypot(*self._disturbance.tolist())
         self._inertia_rows = config.inertia_kg_m2.tolist()
-        self._smallest_inertia = float(np.linalg.eigvalsh(config.inertia_kg_m2)[0])
+        self._smallest_inertia = existence_guard(config.inertia_kg_m2)
         self.reset()
 
     def reset(self) -> None:

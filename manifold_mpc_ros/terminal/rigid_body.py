@@ -18,6 +18,7 @@ import casadi as ca
 import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.dynamics.inertia import existence_guard
 from manifold_mpc_ros.dynamics.symbolic import cayley_step
 from manifold_mpc_ros.lie.symbolic import cayley_quaternion, rotation_from_quaternion
 from manifold_mpc_ros.terminal.manifold import Array, Euclidean, Manifold, Product, RotationGroup
@@ -44,7 +45,7 @@ class RigidBody:
         self.symmetric = config.forcing == 'symmetric'
         self.inertia = np.asarray(config.inertia_kg_m2)
         self.inverse = np.linalg.inv(self.inertia)
-        self.guard = float(np.linalg.eigvalsh(self.inertia)[0])
+        self.guard = existence_guard(self.inertia)
         self.rate_hessian = trace_hessian(config.rate_weight) / self.h ** 2
         self.torque_hessian = trace_hessian(config.torque_weight)
         limit = config.max_rate_rad_s

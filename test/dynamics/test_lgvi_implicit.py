@@ -9,7 +9,7 @@ import pytest
 import strategies
 from strategies import INERTIAS, Array
 
-from manifold_mpc_ros.dynamics import lgvi
+from manifold_mpc_ros.dynamics import inertia, lgvi
 from manifold_mpc_ros.errors import StepExistenceError
 from manifold_mpc_ros.lie import so3
 
@@ -27,7 +27,7 @@ def largest(difference: Array) -> float:
 
 def implicit_residual(f: Array, m: Array, J: Array) -> float:
     """Return max|f J_d - J_d f^T - m^x| relative to J."""
-    J_d = lgvi.nonstandard_inertia(J)
+    J_d = inertia.nonstandard_inertia(J)
     return largest(f @ J_d - J_d @ transpose(f) - so3.hat(m)) / largest(J)
 
 
@@ -37,7 +37,7 @@ def test_nonstandard_inertia_holds_the_second_moments() -> None:
     mass, x = rng.uniform(1.0, 2.0, size=20), rng.standard_normal((20, 3))
     second = np.einsum('i,ij,ik->jk', mass, x, x)
     J = np.einsum('i,ijk->jk', mass, so3.hat(x) @ transpose(so3.hat(x)))
-    assert largest(lgvi.nonstandard_inertia(J) - second) < 1e-13
+    assert largest(inertia.nonstandard_inertia(J) - second) < 1e-13
 
 
 @in_inertias
@@ -51,14 +51,14 @@ def test_cayley_step_solves_the_implicit_equation_on_the_principal_branch(
     f = so3.cayley(c)
     assert implicit_residual(f, m, J) < 2e-15
     assert np.all(so3.angle(f) <= np.arcsin(fraction) * (1.0 + 1e-12))
-    eigenvalues = np.linalg.eigvals(f @ lgvi.nonstandard_inertia(J))
+    eigenvalues = np.linalg.eigvals(f @ inertia.nonstandard_inertia(J))
     assert np.all(eigenvalues.real > 0.0)
 
 
 def test_principal_branch_is_not_where_f_J_d_has_a_positive_symmetric_part() -> None:
     """For a body close to flat, sym(f J_d) is indefinite well below 90 degrees; weighted, not."""
     J = np.diag([0.5, 0.55, 1.0])
-    J_d = lgvi.nonstandard_inertia(J)
+    J_d = inertia.nonstandard_inertia(J)
     f = so3.exp(0.6 * strategies.axes(strategies.generator('branch'), 300))
     root = np.sqrt(J_d)
     plain, weighted = f @ J_d, root @ f @ root
@@ -104,7 +104,7 @@ def test_both_solvers_agree_for_random_bodies() -> None:
 def test_riccati_route_goes_beyond_the_printed_condition(name: str) -> None:
     """J_d^2 + M^2/4 may be indefinite: it is sufficient for a solution, not necessary."""
     J = INERTIAS[name]
-    J_d = lgvi.nonstandard_inertia(J)
+    J_d = inertia.nonstandard_inertia(J)
     m = strategies.momenta(strategies.generator('printed', name), J, 0.99, 300)
     condition = J_d @ J_d + so3.hat(m) @ so3.hat(m) / 4.0
     beyond = np.linalg.eigvalsh(condition)[..., 0] < 0.0

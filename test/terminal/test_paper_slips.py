@@ -20,7 +20,8 @@ from linear_cases import linear_problem, linearisation
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
-from manifold_mpc_ros.dynamics.lgvi import cayley_step, nonstandard_inertia, riccati_step
+from manifold_mpc_ros.dynamics.inertia import nonstandard_inertia
+from manifold_mpc_ros.dynamics.lgvi import cayley_step, riccati_step
 from manifold_mpc_ros.errors import DesignError
 from manifold_mpc_ros.lab.certification.certify import prove
 from manifold_mpc_ros.lab.certification.enclosure import Loop, Memory, exact

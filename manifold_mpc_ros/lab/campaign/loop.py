@@ -15,6 +15,7 @@ from typing import Any, Protocol, TypeAlias, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from manifold_mpc_ros.dynamics.inertia import free_steps_exist
 from manifold_mpc_ros.errors import StepExistenceError
 from manifold_mpc_ros.lab.campaign.case import Case
 from manifold_mpc_ros.lab.campaign.keys import MODEL
@@ -107,15 +108,13 @@ def _model(plan: CampaignPlan, case: Case) -> tuple[Body, Callable[[Array], bool
     """Return the controller's own model, to whose states a free step has to exist."""
     config = plan.config
     model = ModelPlant(config, case.R_NB, case.omega_BN_B)
-    guard = float(np.linalg.eigvalsh(config.inertia_kg_m2)[0])
 
     def advance(tau_B: Array) -> bool:
         try:
             model.step(tau_B)
         except StepExistenceError:
             return False
-        momentum = config.step_s * config.inertia_kg_m2 @ model.omega_BN_B
-        return float(np.linalg.norm(momentum)) < guard
+        return bool(free_steps_exist(model.omega_BN_B, config.inertia_kg_m2, config.step_s))
 
     return model, advance
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.dynamics.inertia import free_steps_exist
 from manifold_mpc_ros.lab.campaign import turning
 from manifold_mpc_ros.lab.campaign.case import Case, CaseName, draw_case
 from manifold_mpc_ros.lab.campaign.keys import MODEL, PLANT
@@ -153,8 +154,7 @@ def decrease_excess(course: Course, config: AttitudeMpcConfig) -> Array:
 
 def stage_costs_of(course: Course, config: AttitudeMpcConfig) -> Array:
     """Return L at each tick (n,); NaN where the state has no free step."""
-    momentum = np.linalg.norm(config.step_s * course.omega_BN_B @ config.inertia_kg_m2, axis=1)
-    exists = momentum < np.linalg.eigvalsh(config.inertia_kg_m2)[0]
+    exists = free_steps_exist(course.omega_BN_B, config.inertia_kg_m2, config.step_s)
     costs = np.full(len(exists), np.nan)
     costs[exists] = stage_costs(config, course.R_DB[exists], course.omega_BN_B[exists],
                                 course.torque_B_n_m[exists])

@@ -25,6 +25,7 @@ from manifold_mpc_ros.config.tables import (
     SIMULATOR_PARAMETERS,
 )
 from manifold_mpc_ros.config.yaml_file import parse_mapping, read_parameter_file, read_text
+from manifold_mpc_ros.dynamics.inertia import largest_guaranteed_rate
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lab.campaign.keys import CAMPAIGN_GROUPS, CAMPAIGN_KEYS, MODEL, PLANT
 from manifold_mpc_ros.lab.campaign.sets import CaseSet, Limits
@@ -179,8 +180,7 @@ class CampaignPlan:
         """Refuse rates from which the model has no guaranteed free step."""
         if one.body != MODEL:
             return
-        moments = np.linalg.eigvalsh(self.config.inertia_kg_m2)
-        most = float(moments[0] / (self.config.step_s * moments[-1]))
+        most = largest_guaranteed_rate(self.config.inertia_kg_m2, self.config.step_s)
         rate = one.rate
         if rate.kind == 'normal':
             raise ConfigurationError(

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.dynamics.inertia import largest_guaranteed_rate
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lab.domain import rotation_grid
 from manifold_mpc_ros.lie import so3
@@ -84,8 +85,7 @@ def moving_states(config: AttitudeMpcConfig, n: int, largest_rate: float) -> Sta
 
     Raises ConfigurationError for rates at which the implicit step need not exist.
     """
-    moments = np.linalg.eigvalsh(config.inertia_kg_m2)
-    bound = float(moments[0] / (config.step_s * moments[-1]))
+    bound = largest_guaranteed_rate(config.inertia_kg_m2, config.step_s)
     if not 0 < largest_rate < bound:
         raise ConfigurationError(
             'largest rate', largest_rate,
