@@ -19,7 +19,7 @@ from typing import Any
 
 TOP = Path(__file__).resolve().parent.parent
 PAGES = (TOP / 'README.md', *(TOP / 'docs' / f'{name}.md'
-                              for name in ('performance', 'chaos', 'install')))
+                              for name in ('performance', 'chaos', 'install', 'libraries')))
 RESULTS = TOP / 'docs' / 'results'
 CHAOS = 'chaos_matrix chaos_soak chaos_drills chaos_drills_shared_memory'
 TABLE = re.compile(r'(<!-- table: (\S+) -->\n).*?(<!-- end -->)', re.DOTALL)
@@ -218,6 +218,33 @@ def light(data: dict[str, Any]) -> str:
          for name, what in data['installed'].items()])
 
 
+def mcap(data: dict[str, Any]) -> str:
+    """Return what is read of whole and damaged files, and what a killed writer leaves."""
+    own = data['mcap']
+    rows = []
+    for what in ('whole', 'cut in the middle', 'a bit flipped at a fifth'):
+        rows.append([what, *(f'{found["read"]:,} in {found["seconds"]:.2f} s' + (
+            f', then {found["ended_by"]}' if found['ended_by'] else '')
+            for found in own[what].values())])
+    written = ', '.join(f'{name} {own["write_us_per_message"][name]:.0f} us a message, {left:,} '
+                        f'of {own["messages"] // 2:,} left by a kill'
+                        for name, left in own['after_kill'].items())
+    return table(['file', *own['whole']], rows) + (
+        f'\nWritten: {written}. `mcap` and zstandard would add {own["megabytes_more"]:g} MB; of '
+        f'own code the scan has {own["own_lines"]["scan"]} lines, the storage '
+        f'{own["own_lines"]["storage"]}.\n')
+
+
+def joblib(data: dict[str, Any]) -> str:
+    """Return both pools."""
+    own = data['joblib']
+    return table(['', f'{own["jobs"]:,} empty jobs on two processes [s]',
+                  'results before a worker died', 'raised', 'alive 2 s after a killed parent'], [
+        [name, f'{own[name]["seconds"]:.1f}', str(own[name]['results_before_a_death']),
+         own[name]['raised'], str(own[name]['alive_after_the_parent'])]
+        for name in ('own workers', 'joblib')])
+
+
 TABLES: dict[str, tuple[str, Callable[..., str]]] = {
     'summary': ('bench', summary),
     'survival': (CHAOS, survival),
@@ -232,10 +259,12 @@ TABLES: dict[str, tuple[str, Callable[..., str]]] = {
     'tick-machine': ('tick', machine),
     'instructions': ('instructions', counts),
     'batch': ('batch', loops), 'light': ('light', light),
+    'mcap': ('libraries', mcap), 'joblib': ('libraries', joblib),
 }
 COMMANDS = {'bench': 'make bench', 'tick': 'manifold-mpc bench --tick',
             'instructions': 'manifold-mpc bench --instructions',
             'batch': 'manifold-mpc bench --batch', 'light': 'python benchmarks/light.py',
+            'libraries': 'python benchmarks/libraries.py',
             'chaos': 'manifold-mpc chaos'}
 
 

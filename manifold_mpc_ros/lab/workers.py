@@ -1,6 +1,9 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Processes that share a list of jobs, each with a state of its own that it builds once."""
+"""Processes that share a list of jobs, each with a state of its own that it builds once.
+
+Workers of joblib have no such state, and outlive a parent that is killed (docs/libraries.md).
+"""
 
 from __future__ import annotations
 

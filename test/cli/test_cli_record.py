@@ -62,7 +62,7 @@ def record_until(line_of_time: str, *arguments: object) -> subprocess.Popen[str]
                                preexec_fn=take_interrupts)
     assert process.stdout is not None
     for line in process.stdout:
-        if re.fullmatch(rf'{line_of_time} of \d+ s simulated\n', line):
+        if re.fullmatch(rf'{line_of_time} of \d+ s simulated(, about \d+ s left)?\n', line):
             return process
     raise AssertionError(process.communicate())
 

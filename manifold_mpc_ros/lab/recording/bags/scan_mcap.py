@@ -3,7 +3,8 @@
 """A scan of an MCAP file from front to back that keeps what it can read.
 
 It needs no index, so a file without an end is read up to where it ends; chunks are checked
-against their checksums. Record layouts: https://mcap.dev/spec.
+against their checksums. Record layouts: https://mcap.dev/spec. The readers of the package mcap
+end at the first damage, this one reads on behind it (docs/libraries.md).
 """
 
 from __future__ import annotations

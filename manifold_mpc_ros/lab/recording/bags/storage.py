@@ -5,6 +5,7 @@
 Added to MCAP: the time of publication, a checksum for each chunk (a flipped bit is then found),
 small chunks, and a step back where the disk is full. Added to sqlite3: transactions that end
 before the recording does. A process that is killed loses at most what came after the last flush.
+The package mcap has no step back, and writes no metadata.yaml (docs/libraries.md).
 """
 
 from __future__ import annotations
