@@ -31,10 +31,11 @@ class PlantLoop:
     def __init__(self, config: SimulatorConfig, epoch_ns: int) -> None:
         """Build the plant in its initial state, without a command."""
         self._plant = Plant(config)
-        self._step_ns = round(config.step_s * NANOSECONDS)
+        self.step_ns = round(config.step_s * NANOSECONDS)
         self._life_steps = round(config.command_life_s / config.step_s)
         self._overdue_steps = round(OVERDUE_PERIODS * config.steps_per_control)
         self._epoch_ns = epoch_ns
+        self._skipped_ns = 0
         self.steps = 0
         self.expired = 0
         self.latched = ''
@@ -43,17 +44,21 @@ class PlantLoop:
     @property
     def stamp_ns(self) -> int:
         """Simulated time now [ns]."""
-        return self._epoch_ns + self.steps * self._step_ns
+        return self._epoch_ns + self._skipped_ns + self.steps * self.step_ns
 
     @property
     def elapsed_s(self) -> float:
-        """Simulated time since the first state [s]."""
-        return (self.stamp_ns - self._epoch_ns) / NANOSECONDS
+        """Time that the plant has moved on since the first state [s]."""
+        return self.steps * self.step_ns / NANOSECONDS
 
     @property
     def overdue(self) -> bool:
         """Whether the command in force should have been replaced by now."""
         return 0 <= self._steps_left <= self._life_steps - self._overdue_steps
+
+    def skip_to(self, stamp_ns: int) -> None:
+        """Let time without the plant pass: the present state has this stamp, if it is later."""
+        self._skipped_ns += max(0, stamp_ns - self.stamp_ns)
 
     def reset(self) -> None:
         """Put the plant back to its initial state, without a command, one step later."""
