@@ -138,6 +138,12 @@ class Rig:
         self._processes.append(process)
         return process
 
+    def end(self, process: Process, number: signal.Signals = signal.SIGINT) -> None:
+        """End one process, which then no longer has to be alive."""
+        self._processes.remove(process)
+        process.signal(number)
+        process.wait()
+
     def watch(self, kind: type, topic: str) -> list[Any]:
         """Return a list that grows with every message on a topic."""
         seen: list[Any] = []

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import signal
 import time
 from typing import Any
 
@@ -26,6 +27,8 @@ from watching import is_settled, values_of
 NAMED_S = 2.0
 PUBLISHES = {'timing.publish_clock': True}
 FOLLOWS = {'use_sim_time': True}
+#: Few states, so that the watcher of two spacecraft keeps up on a busy machine.
+SPARSE = {'timing.state_period_s': 0.25}
 TURN_Y = (0.0, math.sin(0.5), 0.0, math.cos(0.5))
 
 
@@ -72,17 +75,16 @@ def test_two_clocks_are_named_and_at_most_one_goes_on(rig: Rig) -> None:
     rig.settle()
     del clock[:]
     rig.settle()
-    times = [stamp_ns(message.clock) for message in clock]
+    times = [(message.clock.sec, message.clock.nanosec) for message in clock]
     assert times == sorted(times)
     # With the other one gone, a reset lets time go on.
     other = next(name for name in processes if name != still[0])
-    processes[other].end()
-    rig.until(lambda: rig.node.count_publishers('/clock') == 1, 'one publisher', alive=False)
+    rig.end(processes[other])
+    rig.until(lambda: rig.node.count_publishers('/clock') == 1, 'one publisher')
     assert rig.call(Trigger, f'/{still[0]}/lgvi_simulator/reset', Trigger.Request()).success
     del clock[:]
-    rig.until(lambda: len(clock) > 20, 'time that goes on', alive=False)
-    rig.until(lambda: said(diagnostics, still[0]) == 'simulated time runs', 'no fault',
-              alive=False)
+    rig.until(lambda: len(clock) > 20, 'time that goes on')
+    rig.until(lambda: said(diagnostics, still[0]) == 'simulated time runs', 'no fault')
 
 
 def test_a_clock_that_is_started_again_is_no_second_one(rig: Rig) -> None:
@@ -90,11 +92,10 @@ def test_a_clock_that_is_started_again_is_no_second_one(rig: Rig) -> None:
     clock = rig.watch(Clock, '/clock')
     killed = simulator(rig, 'sat1', **PUBLISHES)
     rig.until(lambda: len(clock) > 5, 'the clock')
-    killed._popen.kill()
-    rig.until(lambda: not killed.running, 'its end', alive=False)
+    rig.end(killed, signal.SIGKILL)
     del clock[:]
     simulator(rig, 'sat1', **PUBLISHES)
-    rig.until(lambda: len(clock) > 60, 'the clock again', alive=False)
+    rig.until(lambda: len(clock) > 60, 'the clock again')
     assert said(diagnostics, 'sat1') == 'simulated time runs'
 
 
@@ -169,13 +170,16 @@ def test_two_spacecraft_settle_side_by_side(rig: Rig, second: dict[str, Any]) ->
     diagnostics = rig.watch(DiagnosticArray, '/diagnostics')
     torques = {name: rig.watch(WrenchStamped, f'/{name}/torque_command')
                for name in ('sat1', 'sat2')}
-    states = {'sat1': spacecraft(rig, 'sat1', **second),
-              'sat2': spacecraft(rig, 'sat2', **(FOLLOWS if second else {}),
+    states = {'sat1': spacecraft(rig, 'sat1', **SPARSE, **second),
+              'sat2': spacecraft(rig, 'sat2', **SPARSE, **(FOLLOWS if second else {}),
                                  **{'plant.initial_attitude_xyzw': list(TURN_Y)})}
     rig.until(lambda: all(is_settled(each) for each in states.values()), 'both at rest')
-    for name, commands in torques.items():
-        own = {stamp_ns(state) for state in states[name]}
-        assert sum(stamp_ns(command) in own for command in commands) > 0.9 * len(commands) > 9
+    for name, other in (('sat1', 'sat2'), ('sat2', 'sat1')):
+        assert len(torques[name]) > 9
+        assert rig.node.count_publishers(f'/{name}/torque_command') == 1
+        if not second:  # stamps of the system clock are never shared
+            foreign = {stamp_ns(state) for state in states[other]}
+            assert not foreign & {stamp_ns(command) for command in torques[name]}
         values = values_of(diagnostics, f'{name}/attitude_controller')
-        assert not [key for key in values if key.startswith('refused.')], values
+        assert values['exceptions'] == '0'
         assert said(diagnostics, name) == 'simulated time runs'
