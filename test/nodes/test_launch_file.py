@@ -98,8 +98,8 @@ def test_it_imports_launch_and_launch_ros_and_nothing_else() -> None:
 
 def test_arguments(launch: Launch) -> None:
     assert set(launch.declared) == {
-        'namespace', 'enclaves', 'controller_params', 'simulator_params', 'use_sim_time', 'publish_clock',
-        'with_simulator', 'markers', 'respawn', 'rviz', *TOPICS}
+        'namespace', 'enclaves', 'controller_params', 'simulator_params', 'use_sim_time',
+        'publish_clock', 'with_simulator', 'markers', 'respawn', 'rviz', *TOPICS}
     assert all(kwargs['description'] for kwargs in launch.declared.values())
 
 

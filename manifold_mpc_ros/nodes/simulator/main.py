@@ -19,7 +19,7 @@ PROGRAM = Program(
     parameters=SIMULATOR_PARAMETERS,
     subscribes=(
         ('torque_command', 'geometry_msgs/msg/WrenchStamped', 'body torque [N m]'),
-        ('/clock', 'rosgraph_msgs/msg/Clock', 'time, with use_sim_time and without publish_clock'),
+        ('/clock', 'rosgraph_msgs/msg/Clock', 'time, with use_sim_time'),
     ),
     publishes=(
         ('odometry', 'nav_msgs/msg/Odometry', 'attitude (pose), body rate (twist)'),
