@@ -32,7 +32,8 @@ SROS2 = Path(__file__).parents[2] / 'config' / 'sros2'
 NODES = ('attitude_controller', 'attitude_markers', 'lgvi_simulator')
 #: Parameters of the controller, the simulator and the markers: together they open everything.
 CONFIGURATIONS: list[tuple[dict[str, object], ...]] = [
-    ({'target': 'pointing', 'use_sim_time': True}, {'timing.publish_clock': True},
+    ({'target': 'pointing', 'use_sim_time': True},
+     {'timing.publish_clock': True, 'use_sim_time': True},
      {'use_sim_time': True}),
     ({'state_source': 'imu'}, {}, {'state_source': 'imu'}),
 ]
