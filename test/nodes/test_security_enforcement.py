@@ -202,7 +202,7 @@ SETPOINT = '{header: {frame_id: inertial}, quaternion: {x: 0.0, y: 0.0, z: 0.0, 
 #: What people type: enclave, command, part of the answer.
 COMMANDS = [
     ('/operator', ('node', 'list', '--no-daemon', '--spin-time', '5'), '/attitude_controller'),
-    ('/operator', ('topic', 'echo', '--once', '/diagnostics'), 'attitude_controller'),
+    ('/operator', ('topic', 'echo', '--once', '/diagnostics'), 'status:'),
     ('/operator', ('topic', 'pub', '--once', '/attitude_setpoint',
                    'geometry_msgs/msg/QuaternionStamped', SETPOINT), 'publishing #1'),
     ('/operator', ('service', 'call', '/attitude_controller/pause', 'std_srvs/srv/SetBool',
