@@ -4,6 +4,7 @@
 
 from glob import glob
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
 # isort: off
 from setuptools import find_packages, setup  # first: it replaces distutils
@@ -11,6 +12,7 @@ from distutils.command.install_data import install_data
 # isort: on
 
 NAME = 'manifold_mpc_ros'
+MAINTAINER = ET.parse('package.xml').find('maintainer')
 EXECUTABLES = {
     'controller': f'{NAME}.nodes.controller.main:main',
     'simulator': f'{NAME}.nodes.simulator.main:main',
@@ -95,8 +97,8 @@ setup(
     description='Model predictive attitude control on SO(3) for ROS 2',
     license='Apache-2.0',
     author='The manifold_mpc_ros authors',
-    maintainer='The manifold_mpc_ros authors',
-    maintainer_email='maintainers@manifold-mpc-ros.example',
+    maintainer=MAINTAINER.text,
+    maintainer_email=MAINTAINER.get('email'),
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={NAME: ['py.typed', 'lab/report/static/*', 'mpc/backends/*.[ch]']},
     data_files=[

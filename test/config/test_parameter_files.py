@@ -18,6 +18,7 @@ from manifold_mpc_ros.config.parameter import ParameterSpec, resolve_parameters
 from manifold_mpc_ros.config.tables import (
     CONTROLLER_NAME,
     CONTROLLER_PARAMETERS,
+    MARKERS_NAME,
     SIMULATOR_NAME,
     SIMULATOR_PARAMETERS,
 )
@@ -191,3 +192,13 @@ def test_files_that_ros_cannot_read(tmp_path: Path, text: str) -> None:
 def test_files_that_ros_can_read(tmp_path: Path) -> None:
     check_parameter_file(CONFIG / 'simulator.yaml')
     check_parameter_file(write(tmp_path, '/**: {ros__parameters: {use_sim_time: true}}'))
+
+
+def test_the_aggregator_groups_every_node_once() -> None:
+    """Any namespace: the name on /diagnostics ends with the node's, which one group contains."""
+    document = yaml.safe_load(
+        (CONFIG / 'diagnostic_aggregator.yaml').read_text(encoding='utf-8'))
+    groups = [group['contains'] for group in document['analyzers']['ros__parameters'].values()
+              if isinstance(group, dict)]
+    assert sorted(name for group in groups for name in group) == sorted(
+        (CONTROLLER_NAME, MARKERS_NAME, SIMULATOR_NAME))
