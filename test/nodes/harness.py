@@ -82,7 +82,12 @@ class Process:
 
     @property
     def running(self) -> bool:
-        return self._popen.poll() is None
+        return self.status is None
+
+    @property
+    def status(self) -> int | None:
+        """The exit status, negative after a signal; None while it runs."""
+        return self._popen.poll()
 
     def signal(self, number: signal.Signals) -> None:
         os.kill(self._popen.pid, number)
@@ -208,7 +213,8 @@ class Rig:
             logs = '\n'.join(process.log for process in self._processes)
             assert time.monotonic() < end, f'waited in vain for {what}\n{logs}'
             if alive:
-                assert all(p.running for p in self._processes), f'ended before {what}\n{logs}'
+                assert all(p.running for p in self._processes), (
+                    f'ended before {what}, with {[p.status for p in self._processes]}\n{logs}')
             meanwhile()
             self._spin_for(LOOK_S)
 
