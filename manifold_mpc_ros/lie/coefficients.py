@@ -47,4 +47,4 @@ def cotangent_defect(theta: Array) -> Array:
     small = theta < SERIES_ANGLE
     series = polyval(np.where(small, theta, 0.0) ** 2, _COTANGENT_DEFECT)
     half = 0.5 * np.where(small, 1.0, theta)
-    return np.where(small, series, (1.0 - half / np.tan(half)) / (4.0 * half**2))
+    return np.where(small, series, (1.0 - half / np.tan(half)) / (4.0 * (half * half)))

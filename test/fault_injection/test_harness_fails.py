@@ -13,7 +13,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 
-from manifold_mpc_ros.lab.fault_injection import run, trial
+from manifold_mpc_ros.lab.fault_injection import trial
 from manifold_mpc_ros.lab.fault_injection.evidence import Verdict
 from manifold_mpc_ros.lab.fault_injection.fault import CONTROLLER, Phase
 from manifold_mpc_ros.lab.fault_injection.rig import BenchPlan
@@ -39,9 +39,8 @@ def inject(way: str) -> Done:
 
 @pytest.fixture(scope='module')
 def runs() -> dict[str, Done]:
-    """Two at a time, each on a domain of its own; nothing is repeated on a busy machine."""
-    with pytest.MonkeyPatch.context() as patch, ThreadPoolExecutor(2) as pool:
-        patch.setattr(run, 'MOST_ATTEMPTS', 1)
+    """Two at a time, each on a domain of its own."""
+    with ThreadPoolExecutor(2) as pool:
         return dict(zip(WAYS, pool.map(inject, WAYS), strict=True))
 
 
@@ -49,6 +48,8 @@ def verdict(done: Done) -> Verdict:
     """Return the verdict under the fault; without one nothing is held against the controller."""
     assert done.failure == ''
     before, under_fault = done.verdicts
+    if before.void or under_fault.void:
+        pytest.skip('the machine took too much time away in every attempt')
     assert before.survived, before
     return under_fault
 
@@ -58,7 +59,7 @@ def test_one_that_does_well_survives(runs: dict[str, Done]) -> None:
     assert seen.survived, seen
     assert seen.modes[:2] in (('NOMINAL', 'HOLD'), ('HOLD', 'NOMINAL'))
     assert seen.detection_s is not None
-    assert 0.0 <= seen.detection_s < 1.0
+    assert 0.0 <= seen.detection_s < 1.0 + seen.late_s + seen.starved_s
     assert seen.recovery_s is not None
 
 
@@ -70,9 +71,10 @@ def test_one_that_does_well_survives(runs: dict[str, Done]) -> None:
     ('unseen', 'not noticed: '),
 ])
 def test_one_that_fails_does_not(runs: dict[str, Done], way: str, words: str) -> None:
+    """It is named for what it does, at most excused by what the machine was late by."""
     seen = verdict(runs[way])
-    assert not seen.survived
-    assert any(words in reason for reason in seen.reasons), seen.reasons
+    assert seen.excused or not seen.survived
+    assert any(words in reason for reason in (*seen.reasons, *seen.excused)), seen
 
 
 def test_one_that_dies_does_not(runs: dict[str, Done]) -> None:

@@ -35,7 +35,6 @@ import numpy as np
 from cases import configuration
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
-from manifold_mpc_ros.problems.registry import terminal_design
 config = configuration(terminal_constraint=False, horizon=1)
 mpc = AttitudeMpc(config, backend=sys.argv[1], cache_dir=sys.argv[2])
 plan = mpc.solve(so3.exp(np.array([0.3, -0.2, 2.0])), np.array([0.1, 0.2, -0.1]))

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from harness import Rig
 
 STEP_NS = 500_000_000
+#: Looks at the commands before time goes on without one.
+WAITS = 50
 TILTED = (math.sin(0.3), 0.0, 0.0, math.cos(0.3))
 Edit = Callable[[Odometry], None]
 
@@ -45,12 +47,22 @@ class Bench:
         self.states = rig.node.create_publisher(Odometry, 'odometry', 10)
         self.clock = rig.node.create_publisher(Clock, '/clock', 10)
         self.now_ns = 10**9
+        self._commands, self._moves, self._waits = 0, 0, 0
         self.process = rig.start('controller', parameters={'autostart': False, **parameters})
         rig.activate('/attitude_controller')
         rig.until(lambda: self.states.get_subscription_count() > 0, 'the controller')
 
     def tick(self, edit: Edit | None = None) -> None:
-        """Move the clock by a fifth of a step; with ``edit``, publish a state made by it."""
+        """Move the clock by a fifth of a step; with ``edit``, publish a state made by it.
+
+        When a step has gone without a command, time waits for the controller, for a while.
+        """
+        if len(self.torques) != self._commands:
+            self._commands, self._moves = len(self.torques), 0
+        if self._moves >= 5 and self._waits < WAITS:
+            self._waits += 1
+            return
+        self._moves, self._waits = self._moves + 1, 0
         self.now_ns += STEP_NS // 5
         if edit is not None:
             state = odometry(self.now_ns)

@@ -81,6 +81,10 @@ class Process:
         return self._log.read_text(encoding='utf-8', errors='replace')
 
     @property
+    def pid(self) -> int:
+        return self._popen.pid
+
+    @property
     def running(self) -> bool:
         return self.status is None
 

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import signal
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,24 +16,14 @@ from geometry_msgs.msg import WrenchStamped
 from harness import file_with, log_line, stamp_ns, torque_of
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import GetState
+from own_time import LONGEST_END_S, seconds_to_end
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 
 if TYPE_CHECKING:
     from harness import Process, Rig
 
-LONGEST_END_S = 1.0
 SIGNALS = [signal.SIGINT, signal.SIGTERM]
-
-
-def seconds_to_end(process: Process, number: signal.Signals) -> float:
-    """Send a signal, demand exit status 0 without a traceback, return how long it took."""
-    begin = time.monotonic()
-    process.signal(number)
-    assert process.wait() == 0, process.log
-    taken = time.monotonic() - begin
-    assert 'Traceback' not in process.log
-    return taken
 
 
 @pytest.mark.parametrize('number', SIGNALS)
