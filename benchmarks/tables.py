@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any
 
 TOP = Path(__file__).resolve().parent.parent
-PAGES = (TOP / 'README.md', *(TOP / 'docs' / f'{name}.md'
-                              for name in ('performance', 'chaos', 'install', 'libraries')))
+PAGES = (TOP / 'README.md', *(TOP / 'docs' / f'{name}.md' for name in (
+    'performance', 'chaos', 'install', 'libraries', 'nodes')))
 RESULTS = TOP / 'docs' / 'results'
 CHAOS = 'chaos_matrix chaos_soak chaos_drills chaos_drills_shared_memory'
 TABLE = re.compile(r'(<!-- table: (\S+) -->\n).*?(<!-- end -->)', re.DOTALL)
@@ -218,6 +218,18 @@ def light(data: dict[str, Any]) -> str:
          for name, what in data['installed'].items()])
 
 
+def fleet(data: dict[str, Any]) -> str:
+    """Return what became of several spacecraft, and what they cost."""
+    return table(
+        ['time', 'spacecraft', 'settled', 'after [s]', 'ticks missed', 'processor, all [% of one '
+         'core]', 'controller / simulator [%]', 'memory, all [MB]', 'controller / simulator [MB]'],
+        [[row['time'], str(row['spacecraft']), str(row['settled']),
+          f'{row["settled_after_s"]:.0f}', f'{row["missed_ticks"]} of {row["ticks"]}',
+          f'{row["processor_percent_all"]:.0f}', '{controller} / {simulator}'.format(
+              **row['processor_percent']), str(row['memory_mb_all']),
+          '{controller} / {simulator}'.format(**row['memory_mb'])] for row in data['rows']])
+
+
 def mcap(data: dict[str, Any]) -> str:
     """Return what is read of whole and damaged files, and what a killed writer leaves."""
     own = data['mcap']
@@ -258,13 +270,13 @@ TABLES: dict[str, tuple[str, Callable[..., str]]] = {
     'ticks': ('tick', lambda data: _with_picture(ticks(data), 'tick')),
     'tick-machine': ('tick', machine),
     'instructions': ('instructions', counts),
-    'batch': ('batch', loops), 'light': ('light', light),
+    'batch': ('batch', loops), 'light': ('light', light), 'fleet': ('fleet', fleet),
     'mcap': ('libraries', mcap), 'joblib': ('libraries', joblib),
 }
 COMMANDS = {'bench': 'make bench', 'tick': 'manifold-mpc bench --tick',
             'instructions': 'manifold-mpc bench --instructions',
             'batch': 'manifold-mpc bench --batch', 'light': 'python benchmarks/light.py',
-            'libraries': 'python benchmarks/libraries.py',
+            'libraries': 'python benchmarks/libraries.py', 'fleet': 'python benchmarks/fleet.py',
             'chaos': 'manifold-mpc chaos'}
 
 
