@@ -5,15 +5,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+from manifold_mpc_ros.config.ros_parser import PARAMETERS_KEY, RosValue, parse_ros_parameters
 from manifold_mpc_ros.errors import ConfigurationError
-
-_PARAMETERS = 'ros__parameters'
 
 
 class _Loader(yaml.SafeLoader):
@@ -25,49 +24,81 @@ _Loader.add_implicit_resolver(
     list('-+0123456789'))
 
 
+class _Dumper(yaml.SafeDumper):
+    """YAML with quoted text and no alias."""
+
+    def ignore_aliases(self, _data: Any) -> bool:
+        """Write everything out."""
+        return True
+
+
+_Dumper.add_representer(str, lambda dumper, text: dumper.represent_scalar(
+    'tag:yaml.org,2002:str', text, style="'"))
+
+
 def read_parameter_file(path: str | Path, node_name: str) -> dict[str, Any]:
     """Return the parameters that a ROS parameter file gives to a node, as dotted names.
 
-    A section belongs to the node when the last part of its key is the node's name, whatever the
-    namespace, or a wildcard (``/**``, ``/*``). Where several sections match, the later one wins
-    for each parameter, as in ROS; two sections for the node in two namespaces are refused.
+    The file is read as the node reads it: the one in the root namespace where a section names
+    that, else the one in the namespace that the sections name (``/sat1/attitude_controller``,
+    ``/sat1/*``). Where several sections apply, the later one wins for each parameter, as in ROS.
 
     Raises
     ------
     ConfigurationError
-        When the file cannot be read, is not YAML, or has no section for the node.
+        When ROS cannot read the file, or it has no section for the node, or sections for the node
+        in several namespaces.
 
     """
-    document = _read(path)
-    named: list[str] = []
-    found: dict[str, Any] = {}
-    matched = False
-    for section, parameters in _sections(document, ''):
-        last = section.rpartition('/')[2]
-        if last not in (node_name, '*', '**'):
-            continue
-        matched = True
-        if last == node_name:
-            named.append(section)
-        if not isinstance(parameters, Mapping):
-            raise ConfigurationError(f'{section}.{_PARAMETERS}', parameters, 'nested keys')
-        found.update(_flatten(parameters, ''))
-    if not matched:
+    sections = _read(path)
+    keys = [section for section, _ in sections]
+    names = _full_names(keys, node_name)
+    if not names:
         raise ConfigurationError(
-            str(path), sorted(map(str, document)),
-            f'a section {node_name!r} with the key {_PARAMETERS!r}')
-    if len(named) > 1:
-        raise ConfigurationError(str(path), named, f'one section for {node_name!r}')
+            str(path), keys, f'a section {node_name!r} with the key {PARAMETERS_KEY!r}')
+    if len(names) > 1:
+        raise ConfigurationError(str(path), names, f'one section for {node_name!r}')
+    found: dict[str, Any] = {}
+    for section, parameters in sections:
+        if applies(section, names[0]):
+            found.update(parameters)
     return found
 
 
-def check_parameter_file(path: str | Path) -> None:
-    """Raise ConfigurationError unless ROS can read the file, whichever nodes it is for."""
-    for section, parameters in _sections(_read(path), ''):
-        if isinstance(parameters, Mapping):
-            _flatten(parameters, '')
-        elif parameters is not None:
-            raise ConfigurationError(f'{section}.{_PARAMETERS}', parameters, 'nested keys')
+def sections_of(path: str | Path) -> list[str]:
+    """Return the keys of a parameter file's sections; ConfigurationError where ROS refuses it."""
+    return [section for section, _ in _read(path)]
+
+
+def applies(section: str, full_name: str) -> bool:
+    """Whether a section is for a node: ``*`` is one part of its full name, ``**`` any number."""
+    pattern = re.escape(section).replace(r'/\*', r'(/\w+)')
+    return re.fullmatch(pattern.replace(r')\*', ')*'), full_name, re.ASCII) is not None
+
+
+def parameter_file_text(node_name: str, values: Mapping[str, Any]) -> str:
+    """Return the text of a parameter file that gives ``values`` to a node in any namespace.
+
+    Text is quoted and nothing is an alias: ROS takes ``1e5`` and ``nan`` for numbers and ``n``
+    for false where YAML does not, and refuses aliases.
+    """
+    return yaml.dump({f'/**/{node_name}': {PARAMETERS_KEY: dict(values)}}, Dumper=_Dumper)
+
+
+def _full_names(sections: Sequence[str], node_name: str) -> list[str]:
+    """Return the full names of the nodes of one name that sections are for; root alone if it is.
+
+    A section with the node's name counts more than one for all nodes, and a namespace more than a
+    wildcard, which stands for one part.
+    """
+    paths = [section.split('/')[1:] for section in sections]
+    chosen = [path for path in paths if path[-1] == node_name] or [
+        path for path in paths if path[-1] in ('*', '**')]
+    spaces = [[part for part in path[:-1] if part != '**'] for path in chosen]
+    spaces = [space for space in spaces if '*' not in space] or spaces
+    if [] in spaces:
+        return [f'/{node_name}']
+    return sorted({'/' + '/'.join([*space, node_name]).replace('*', 'any') for space in spaces})
 
 
 def read_text(path: str | Path, what: str) -> str:
@@ -96,20 +127,9 @@ def flatten_parameters(tree: Mapping[str, Any]) -> dict[str, Any]:
     return _flatten(tree, '')
 
 
-def _read(path: str | Path) -> Mapping[str, Any]:
-    """Return the top-level mapping of a ROS parameter file."""
-    return parse_mapping(read_text(path, 'parameter file'), 'ROS parameter file', str(path))
-
-
-def _sections(tree: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
-    """Yield (node path, parameters) for every section of a parameter file."""
-    for key, branch in tree.items():
-        section = f'{prefix}/{str(key).strip("/")}'
-        if isinstance(branch, Mapping):
-            if _PARAMETERS in branch:
-                yield section, branch[_PARAMETERS]
-            yield from _sections(
-                {name: value for name, value in branch.items() if name != _PARAMETERS}, section)
+def _read(path: str | Path) -> list[tuple[str, dict[str, RosValue]]]:
+    """Return the sections of a ROS parameter file."""
+    return parse_ros_parameters(read_text(path, 'parameter file'), str(path))
 
 
 def _flatten(tree: Mapping[str, Any], prefix: str) -> dict[str, Any]:

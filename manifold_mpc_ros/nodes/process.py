@@ -17,7 +17,7 @@ from collections.abc import Callable, Sequence
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from manifold_mpc_ros.config.yaml_file import check_parameter_file
+from manifold_mpc_ros.config.yaml_file import applies, sections_of
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.nodes.security import demand_keystore
 from manifold_mpc_ros.nodes.usage import Arguments, Program, parse_arguments
@@ -85,8 +85,7 @@ def _run_checked(
     """Check arguments, parameter files and the keystore, then run the node."""
     arguments = parse_arguments(program, sys.argv[1:] if argv is None else argv)
     try:
-        for path in arguments.parameter_files:
-            check_parameter_file(path)
+        sections = [section for path in arguments.parameter_files for section in sections_of(path)]
         demand_keystore(os.environ)
     except ConfigurationError as error:
         return _fail(program, error)
@@ -95,16 +94,17 @@ def _run_checked(
     except ImportError as error:
         return _fail(program, f'ROS 2 is not available ({error})')
     try:
-        return _run_with_ros(program, node_class, arguments, stop)
+        return _run_with_ros(program, node_class, arguments, sections, stop)
     finally:
         stop.heeded()
         rclpy.try_shutdown()
 
 
 def _run_with_ros(
-    program: Program, node_class: str, arguments: Arguments, stop: StopRequest,
+    program: Program, node_class: str, arguments: Arguments, sections: list[str],
+    stop: StopRequest,
 ) -> int:
-    """Initialise ROS, start the node, spin until the end."""
+    """Initialise ROS, start the node, spin until the end; ``sections``: of its parameter files."""
     import rclpy
     from rclpy.exceptions import NameValidationException, ParameterException
     from rclpy.signals import SignalHandlerOptions
@@ -119,6 +119,11 @@ def _run_with_ros(
         return _fail(program, ' '.join(str(error).split()))
     stop.at_once = lambda: node.configuring
     try:
+        full_name = node.get_fully_qualified_name()
+        if arguments.parameter_files and not any(applies(key, full_name) for key in sections):
+            return _fail(program, ConfigurationError(
+                ', '.join(arguments.parameter_files), sections,
+                f'a section for {full_name!r}, the full name of this node'))
         return _live(node, stop)
     finally:
         stop.heeded()

@@ -13,8 +13,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-import yaml
-
 from manifold_mpc_ros.cli.processes import (
     STOP_TIMEOUT_S,
     NodeProcess,
@@ -25,7 +23,7 @@ from manifold_mpc_ros.cli.processes import (
 from manifold_mpc_ros.config.control_law import SimulatorConfig
 from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, SIMULATOR_NAME
-from manifold_mpc_ros.config.yaml_file import read_parameter_file
+from manifold_mpc_ros.config.yaml_file import parameter_file_text, read_parameter_file
 from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.lab.fault_injection.fault import (
@@ -141,7 +139,7 @@ class Bench:
         values = {**self.plan.parameters(node, simulated_time=self.simulated_time),
                   **(changes or {})}
         path = self._folder / f'{node}_{number}.yaml'
-        path.write_text(yaml.safe_dump({f'/**/{NAMES[node]}': {'ros__parameters': values}}))
+        path.write_text(parameter_file_text(NAMES[node], values), encoding='utf-8')
         arguments = ['--params-file', str(path)]
         for topic in ((STATE, SIMULATED_TIME) if node == CONTROLLER else (TORQUE,)):
             if topic != SIMULATED_TIME or self.simulated_time:

@@ -7,10 +7,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import yaml
-
 from manifold_mpc_ros.config.parameter import Value
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, SIMULATOR_NAME
+from manifold_mpc_ros.config.yaml_file import parameter_file_text
 from manifold_mpc_ros.lab.recording.scenarios.parts import LinkFault
 from manifold_mpc_ros.lab.recording.scenarios.scenario import Scenario
 
@@ -97,8 +96,7 @@ class RecordPlan:
         if controller:
             values['use_sim_time'] = self.scenario.use_sim_time
         path = folder / f'{node}.yaml'
-        path.write_text(yaml.safe_dump({f'/**/{node}': {'ros__parameters': values}}),
-                        encoding='utf-8')
+        path.write_text(parameter_file_text(node, values), encoding='utf-8')
         arguments = ['--params-file', str(path)]
         link = self.links.get(node)
         if link is not None:

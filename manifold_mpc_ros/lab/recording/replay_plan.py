@@ -9,14 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import yaml
-
 from manifold_mpc_ros.cli import arguments as shared
 from manifold_mpc_ros.cli import provenance
 from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.config.parameter import Value, resolve_parameters
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
-from manifold_mpc_ros.config.yaml_file import read_parameter_file
+from manifold_mpc_ros.config.yaml_file import parameter_file_text, read_parameter_file
 
 if TYPE_CHECKING:
     from manifold_mpc_ros.config.checks import FloatArray
@@ -128,8 +126,7 @@ class ReplayPlan:
         """Write the controller's parameter file; return the ROS arguments to start it with."""
         values: dict[str, Any] = {**self.parameters, 'use_sim_time': self.rate is not None}
         path = folder / f'{CONTROLLER_NAME}.yaml'
-        path.write_text(yaml.safe_dump(
-            {f'/**/{CONTROLLER_NAME}': {'ros__parameters': values}}), encoding='utf-8')
+        path.write_text(parameter_file_text(CONTROLLER_NAME, values), encoding='utf-8')
         return ['--params-file', str(path)]
 
 
