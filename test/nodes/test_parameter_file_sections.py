@@ -12,7 +12,7 @@ import yaml
 
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 
-from harness import CONFIG
+from harness import CONFIG, log_line
 
 if TYPE_CHECKING:
     from harness import Rig
