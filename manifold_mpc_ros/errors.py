@@ -38,6 +38,10 @@ class SolverBuildError(ManifoldMpcError):
     """The solver could not be generated, compiled or loaded."""
 
 
+class CacheError(SolverBuildError):
+    """No folder can be written to that a later start would find again."""
+
+
 class BagError(ManifoldMpcError):
     """A bag that cannot be written or read; the message names the file and says why."""
 

@@ -12,7 +12,7 @@ from manifold_mpc_ros.lab.campaign.plan import CampaignPlan
 
 FREE = [float('inf')] * 3
 #: Without limits the terminal set is nearly everything, and eight steps reach it.
-CONTROLLER = {'mpc.horizon': 8, 'mpc.backend': 'vm', 'limits.max_torque_n_m': FREE,
+CONTROLLER = {'mpc.horizon': 8, 'limits.max_torque_n_m': FREE,
               'limits.max_rate_rad_s': FREE}
 PROMISES = {'promises_broken': 0, 'feasibility_lost': 0, 'limits_exceeded': 0, 'turn_changes': 1}
 

@@ -86,9 +86,8 @@ def add_output(parser: argparse.ArgumentParser, default: str) -> None:
 def add_backend(parser: argparse.ArgumentParser, default: str) -> None:
     """Add ``--backend``; the value is None when it is not given."""
     parser.add_argument(
-        '--backend', choices=('auto', 'c', 'vm'),
-        help="run the solver as generated C (c), in CasADi's virtual machine (vm), or as C where "
-             f'there is a compiler (auto); default: {default}')
+        '--backend', choices=('auto', 'c'),
+        help=f'run the solver as generated C, which auto means too; default: {default}')
 
 
 def controller_config_path(given: Path | None) -> Path:

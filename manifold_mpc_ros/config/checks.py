@@ -108,6 +108,28 @@ def limit(key: str, value: Any) -> FloatArray | None:
     return None if np.isinf(box).all() else frozen(box)
 
 
+def bound(key: str, value: Any) -> float | None:
+    """Return a positive limit, or None for None and ``inf``; a list of one number is that one."""
+    given = value[0] if isinstance(value, (list, tuple)) and len(value) == 1 else value
+    if given is None or (isinstance(given, float) and given == np.inf):
+        return None
+    return positive(key, given)
+
+
+def ellipsoids(key: str, value: Any) -> FloatArray | None:
+    """Return E (n, 3, 3) of ellipsoids ``x^T E x <= 1``: one E (3 or 3x3) or several, or None."""
+    if value is None:
+        return None
+    given = np.asarray(value)
+    several = [symmetric(key, each) for each in (given if given.ndim == 3 else [value])]
+    for each in several:
+        values = np.linalg.eigvalsh(each)
+        if values[0] <= DEFINITENESS_MARGIN * abs(values[-1]):
+            raise ConfigurationError(key, value, 'a positive definite matrix (eigenvalues are '
+                                     + _numbers(values) + ')')
+    return frozen(np.array(several))
+
+
 def symmetric(key: str, value: object) -> FloatArray:
     """Return a symmetric 3x3 from 3 diagonal numbers, 9 in row order, or a 3x3."""
     valid = '3 numbers (the diagonal), 9 numbers (row by row) or a 3x3 matrix'

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -20,6 +19,7 @@ from manifold_mpc_ros.config.parameter import (
     named_as_parameter,
     resolve_parameters,
 )
+from manifold_mpc_ros.config.rate_limits import RateBox, RateEllipsoid, RateLimit
 from manifold_mpc_ros.config.simulator import SimulatorConfig
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
 from manifold_mpc_ros.config.yaml_file import read_parameter_file
@@ -56,6 +56,11 @@ class AttitudeMpcConfig:
     max_torque_n_m, max_rate_rad_s
         Half widths of the boxes about zero, body axes; one number or three, inf for no limit
         on an axis, None for no limit at all.
+    rate_ellipsoid_s2
+        E of the limit ``omega^T E omega <= 1``, symmetric positive definite 3x3 [s^2], or several
+        (n, 3, 3); None for none.
+    max_rate_norm_rad_s, max_kinetic_energy_j
+        Limits on |omega| and on ``omega^T J omega / 2``: ellipsoids too; None or inf for none.
     forcing
         'symmetric' for a physical plant under zero-order hold, 'paper' for the paper's form.
     terminal_constraint
@@ -85,6 +90,9 @@ class AttitudeMpcConfig:
     terminal_scale: float = 0.1
     max_torque_n_m: FloatArray | None = None
     max_rate_rad_s: FloatArray | None = None
+    rate_ellipsoid_s2: FloatArray | None = None
+    max_rate_norm_rad_s: float | None = None
+    max_kinetic_energy_j: float | None = None
     forcing: str = 'symmetric'
     terminal_constraint: bool = True
     target: str = 'attitude'
@@ -108,6 +116,10 @@ class AttitudeMpcConfig:
         self._store('terminal_scale', scale)
         for name in ('max_torque_n_m', 'max_rate_rad_s'):
             self._store(name, checks.limit(name, getattr(self, name)))
+        self._store('rate_ellipsoid_s2',
+                    checks.ellipsoids('rate_ellipsoid_s2', self.rate_ellipsoid_s2))
+        for name in ('max_rate_norm_rad_s', 'max_kinetic_energy_j'):
+            self._store(name, checks.bound(name, getattr(self, name)))
         self._store('forcing', checks.choice('forcing', self.forcing, FORCINGS))
         self._store('terminal_constraint',
                     checks.boolean('terminal_constraint', self.terminal_constraint))
@@ -147,19 +159,43 @@ class AttitudeMpcConfig:
             return self.attitude_weight
         return self.pointing_weight * np.outer(self.pointing_axis_B, self.pointing_axis_B)
 
+    @property
+    def rate_ellipsoids_s2(self) -> FloatArray:
+        """E (n, 3, 3) of every limit ``omega^T E omega <= 1`` [s^2]."""
+        found = [] if self.rate_ellipsoid_s2 is None else list(self.rate_ellipsoid_s2)
+        if self.max_rate_norm_rad_s is not None:
+            found.append(np.eye(3) / self.max_rate_norm_rad_s ** 2)
+        if self.max_kinetic_energy_j is not None:
+            found.append(self.inertia_kg_m2 / (2.0 * self.max_kinetic_energy_j))
+        return np.array(found).reshape(-1, 3, 3)
+
+    @property
+    def rate_limits(self) -> tuple[RateLimit, ...]:
+        """Every limit on the body rate."""
+        box = () if self.max_rate_rad_s is None else (RateBox(self.max_rate_rad_s),)
+        return (*box, *map(RateEllipsoid, self.rate_ellipsoids_s2))
+
     def _store(self, name: str, value: object) -> None:
         """Set a field of the frozen instance while it is being built."""
         object.__setattr__(self, name, value)
 
     def _check_branch(self) -> None:
         """Refuse rate limits that let one step turn as far as the end of the principal branch."""
-        rate = _finite_part(self.max_rate_rad_s)
-        angle = self.step_s * float(np.linalg.norm(rate))
+        limits = self.rate_limits
+        angle = self.step_s * min((limit.largest_rate_rad_s for limit in limits), default=0.0)
         if angle >= MAX_STEP_ANGLE_RAD:
             raise ConfigurationError(
-                'max_rate_rad_s', rate.tolist(),
-                f'a box with step_s * |max_rate_rad_s| below {MAX_STEP_ANGLE_RAD} rad '
+                *self._rate_limit(),
+                f'limits with step_s * |largest rate| below {MAX_STEP_ANGLE_RAD} rad '
                 f'(it is {angle:.4g} rad with step_s = {self.step_s:g})')
+
+    def _rate_limit(self) -> tuple[str, object]:
+        """Return name and value of a rate limit, for an error."""
+        names = ('max_rate_rad_s', 'rate_ellipsoid_s2', 'max_rate_norm_rad_s',
+                 'max_kinetic_energy_j')
+        name = next(name for name in names if getattr(self, name) is not None)
+        value = getattr(self, name)
+        return name, value.tolist() if isinstance(value, np.ndarray) else value
 
     def _check_existence(self) -> None:
         """Refuse limits whose corner has no guaranteed implicit step.
@@ -167,16 +203,17 @@ class AttitudeMpcConfig:
         The guarantee is ``h |J omega| + h^2/2 |tau| < lambda_min(J)``; axes without a limit do
         not count here, the solver guards them.
         """
-        rate, torque = _finite_part(self.max_rate_rad_s), _finite_part(self.max_torque_n_m)
-        signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
-        momentum = float(np.linalg.norm((signs * rate) @ self.inertia_kg_m2, axis=1).max())
+        torque = _finite_part(self.max_torque_n_m)
+        momentum = min((limit.largest_momentum_n_m_s(self.inertia_kg_m2)
+                        for limit in self.rate_limits), default=0.0)
         impulse = self.step_s * float(np.linalg.norm(torque)) / 2.0
         smallest = float(np.linalg.eigvalsh(self.inertia_kg_m2)[0])
         reached = self.step_s * (momentum + impulse)
         if reached >= smallest:
-            key = 'max_rate_rad_s' if momentum >= impulse else 'max_torque_n_m'
+            key, value = self._rate_limit() if momentum >= impulse else (
+                'max_torque_n_m', torque.tolist())
             raise ConfigurationError(
-                key, (rate if key == 'max_rate_rad_s' else torque).tolist(),
+                key, value,
                 'limits with step_s * |J max_rate| + step_s^2/2 * |max_torque| below the smallest '
                 f'moment of inertia {smallest:.4g} kg m^2 (it is {reached:.4g})')
 

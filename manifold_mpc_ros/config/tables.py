@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from manifold_mpc_ros.config.interfaces import ACTUATORS, STATE_SOURCES
@@ -54,6 +55,13 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
         'largest body rate about each body axis, either sign', unit='rad/s', lengths=(1, 3),
         infinite=True, required=True),
     ParameterSpec(
+        'limits.max_rate_norm_rad_s', 'floats', [math.inf], 'largest length of the body rate',
+        unit='rad/s', lengths=(1,), infinite=True),
+    ParameterSpec(
+        'limits.max_kinetic_energy_j', 'floats', [math.inf],
+        'largest kinetic energy of the rotation, omega^T J omega / 2', unit='J', lengths=(1,),
+        infinite=True),
+    ParameterSpec(
         'mpc.step_s', 'float', 0.5, 'step of prediction, and period of the torque command',
         unit='s', low=0.0, high=3600.0, required=True, read_only=True),
     ParameterSpec(
@@ -75,9 +83,8 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
         choices=('symmetric', 'paper')),
     ParameterSpec(
         'mpc.backend', 'str', 'auto',
-        "how the solver runs: c (generated and compiled), vm (CasADi's virtual machine), or auto "
-        '(c where there is a compiler)',
-        choices=('auto', 'c', 'vm'), read_only=True),
+        'how the solver runs: as generated and compiled C, which auto means too',
+        choices=('auto', 'c'), read_only=True),
     ParameterSpec(
         'target', 'str', 'attitude',
         'what to control: the attitude, or the pointing of one body axis with free roll',

@@ -16,14 +16,14 @@ from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.mpc import search
 from manifold_mpc_ros.mpc.backends.build import load_solver
 from manifold_mpc_ros.mpc.backends.local_solver import LocalSolver, Measure, Plan
+from manifold_mpc_ros.mpc.program.numbers import numbers_of
 from manifold_mpc_ros.mpc.program.options import is_converged
-from manifold_mpc_ros.mpc.program.structure import Structure
-from manifold_mpc_ros.mpc.scaling import Array, flat_parameters, scaling_of
+from manifold_mpc_ros.mpc.scaling import Array, scaling_of
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
+from manifold_mpc_ros.mpc.stages.inequalities import structure_of
 from manifold_mpc_ros.mpc.stored_design import stored_design
 from manifold_mpc_ros.mpc.target import error_angle
 from manifold_mpc_ros.terminal.design import TerminalDesign
-from manifold_mpc_ros.terminal.manifold import tangent_basis
 
 # The shifted plan itself: so near its limits that its cost is what it would be on them.
 SHIFTED_BARRIER = 1e-12
@@ -41,13 +41,6 @@ SETPOINT_MOVED_RAD = 1e-3
 # A matrix farther than this from SO(3) is no rotation.
 ROTATION_DEFECT = 1e-6
 _IDENTITY = np.eye(3)
-
-
-def structure_of(config: AttitudeMpcConfig) -> Structure:
-    """Map a configuration to the structure that its solver is generated for."""
-    return Structure(config.forcing == 'symmetric', config.max_torque_n_m is not None,
-                     config.max_rate_rad_s is not None, config.terminal_constraint,
-                     config.target == 'pointing')
 
 
 class AttitudeMpc:
@@ -80,7 +73,7 @@ class AttitudeMpc:
         DesignError
             When the terminal design does not exist.
         SolverBuildError
-            When ``backend='c'`` and the solver cannot be compiled.
+            When the solver cannot be compiled.
 
         """
         self.config = config
@@ -90,11 +83,11 @@ class AttitudeMpc:
         make, self.backend = load_solver(structure, config.horizon, backend, cache_dir)
 
         def solver_within(level: float) -> LocalSolver:
-            return make(flat_parameters(config, self.terminal.P, self.terminal.K, level))
+            return make(numbers_of(config, self.terminal, level))
 
         self._strict = solver_within(self.terminal.c)
-        self._relaxed = solver_within(NO_LEVEL) if structure.terminal_set else self._strict
-        self._starts = search.starts(structure, tangent_basis(config.pointing_axis_B))
+        self._relaxed = solver_within(NO_LEVEL) if config.terminal_constraint else self._strict
+        self._starts = search.starts(config)
         self._plan = self._strict.new_plan()
         self._spare = [self._strict.new_plan() for _ in range(2 + len(self._starts))]
         inertia = config.inertia_kg_m2 / (self._unit.torque_n_m * self._unit.time_s ** 2)
@@ -252,7 +245,7 @@ class AttitudeMpc:
         self._promised = plan.progress.cost - report.first_cost
         cost = plan.progress.cost - report.penalties
         torques, poses = plan.torques * unit.torque_n_m, self._strict.poses()
-        violation = max(report.rate_violation,
+        violation = max(report.violation,
                         report.terminal_violation if self._inside else report.last_level - 1)
         return AttitudeMpcSolution(
             torque_B_n_m=torques[0].copy(), torques_B_n_m=torques,

@@ -14,7 +14,7 @@ import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
-from manifold_mpc_ros.errors import SolverBuildError
+from manifold_mpc_ros.errors import CacheError
 
 _CHECKSUM = hashlib.sha256().digest_size
 _PACKAGE = Path(__file__).resolve().parent.parent
@@ -25,7 +25,7 @@ def cache_directory(cache_dir: str | Path | None) -> Path:
 
     Raises
     ------
-    SolverBuildError
+    CacheError
         When it cannot be written to.
 
     """
@@ -37,7 +37,7 @@ def cache_directory(cache_dir: str | Path | None) -> Path:
         with tempfile.TemporaryFile(dir=path):
             return path
     except OSError as error:
-        raise SolverBuildError(f'cannot write to the solver cache {path}: {error}') from error
+        raise CacheError(f'cannot write to the solver cache {path}: {error}') from error
 
 
 def name_of(*facts: object) -> str:

@@ -21,9 +21,6 @@ from manifold_mpc_ros.terminal.manifold import tangent_basis
 
 Array = NDArray[np.float64]
 
-# A limit of "none" on one axis when the other axes have one: far outside anything reachable.
-_UNLIMITED = 1e6
-
 
 class Parameters(NamedTuple):
     """The dimensionless problem, symbolic (CasADi) or numeric, in the order of the flat vector.
@@ -41,8 +38,6 @@ class Parameters(NamedTuple):
     terminal_weight: ca.SX
     terminal_level: ca.SX
     terminal_gain: ca.SX
-    max_torque: ca.SX
-    max_rate: ca.SX
     guard: ca.SX
     pointing_axis: ca.SX
     pointing_across: ca.SX
@@ -51,8 +46,7 @@ class Parameters(NamedTuple):
 _SHAPES = Parameters(
     inertia=(3, 3), inertia_inverse=(3, 3), attitude_weight=(3, 3), rate_weight=(3, 3),
     torque_hessian=(3, 3), terminal_weight=(6, 6), terminal_level=(1, 1), terminal_gain=(3, 6),
-    max_torque=(3, 1), max_rate=(3, 1), guard=(1, 1),
-    pointing_axis=(3, 1), pointing_across=(3, 1))
+    guard=(1, 1), pointing_axis=(3, 1), pointing_across=(3, 1))
 PARAMETERS = sum(rows * columns for rows, columns in _SHAPES)
 
 
@@ -106,15 +100,6 @@ def flat_parameters(config: AttitudeMpcConfig, terminal_weight: Array, terminal_
         terminal_weight=to_si.T @ terminal_weight @ to_si / unit.cost,
         terminal_level=np.array([level / unit.cost]),
         terminal_gain=terminal_gain @ to_si / unit.torque_n_m,
-        max_torque=_limits(config.max_torque_n_m, unit.torque_n_m),
-        max_rate=_limits(config.max_rate_rad_s, unit.rate_rad_s),
         guard=np.linalg.eigvalsh(inertia)[:1],
         pointing_axis=config.pointing_axis_B, pointing_across=basis[:, 0])
     return np.concatenate([np.ravel(block, order='F') for block in blocks])
-
-
-def _limits(limits: Array | None, unit: float) -> Array:
-    """Return dimensionless limits (3,), a far bound where there is none."""
-    if limits is None:
-        return np.full(3, _UNLIMITED)
-    return np.minimum(np.asarray(limits) / unit, _UNLIMITED)

@@ -17,9 +17,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.mpc.backends.local_solver import LocalSolver, Measure, Plan, Progress
-from manifold_mpc_ros.mpc.program.structure import Structure
 from manifold_mpc_ros.mpc.scaling import Array
+from manifold_mpc_ros.terminal.manifold import tangent_basis
 
 # Barrier parameter of a cold start (dimensionless, against a cost of order 10).
 COLD_BARRIER = 1.0
@@ -57,17 +58,18 @@ _OCTANTS = tuple(Start((x, y, z), False)
 _SIDES = (Start((0.0, 0.0, 0.0), False), Start((0.0, 0.0, 0.0), True))
 
 
-def starts(structure: Structure, across: Array) -> tuple[Start, ...]:
+def starts(config: AttitudeMpcConfig) -> tuple[Start, ...]:
     """Return the starts in their fixed order.
 
-    Pointing has no long way round; without torque limits it leans to either side along both
-    columns of ``across`` (3, 2), a basis of the plane across the axis.
+    Pointing has no long way round; without torque limits it leans to either side along a basis of
+    the plane across the axis.
     """
-    if not structure.pointing:
-        return _SIDES + _OCTANTS if structure.torque_box else _SIDES
-    if structure.torque_box:
+    limited = config.max_torque_n_m is not None
+    if config.target == 'attitude':
+        return _SIDES + _OCTANTS if limited else _SIDES
+    if limited:
         return _SIDES[:1] + _OCTANTS
-    first, second = across.T
+    first, second = tangent_basis(config.pointing_axis_B).T
     return _SIDES[:1] + tuple(Start((float(x), float(y), float(z)), False)
                               for x, y, z in (first, -first, second, -second))
 

@@ -20,7 +20,7 @@ import numpy as np
 import scipy
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.errors import SolverBuildError
+from manifold_mpc_ros.errors import CacheError
 from manifold_mpc_ros.mpc import cache
 from manifold_mpc_ros.terminal.design import TerminalDesign
 from manifold_mpc_ros.terminal.existence import Existence
@@ -43,7 +43,7 @@ def stored_design(config: AttitudeMpcConfig, cache_dir: str | Path | None) -> Te
     """
     try:
         path = cache.cache_directory(cache_dir) / f'design_{_name(config)}.json'
-    except SolverBuildError:  # nowhere to keep it
+    except CacheError:  # nowhere to keep it
         return terminal_design(config)
     content = cache.read(path)
     if content is not None:

@@ -19,6 +19,7 @@ import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics.inertia import existence_guard
+from manifold_mpc_ros.config.rate_limits import RateLimit
 from manifold_mpc_ros.dynamics.symbolic import cayley_step
 from manifold_mpc_ros.lie.symbolic import cayley_quaternion, rotation_from_quaternion
 from manifold_mpc_ros.terminal.manifold import Array, Euclidean, Manifold, Product, RotationGroup
@@ -48,8 +49,6 @@ class RigidBody:
         self.guard = existence_guard(self.inertia)
         self.rate_hessian = trace_hessian(config.rate_weight) / self.h ** 2
         self.torque_hessian = trace_hessian(config.torque_weight)
-        limit = config.max_rate_rad_s
-        self.max_rate = np.full(3, np.inf) if limit is None else np.asarray(limit)
         self.rate_unit = 1 / self.h
         self.torque_unit = float(np.trace(self.inertia)) / 3 / self.h ** 2
 
@@ -80,7 +79,7 @@ class RigidBody:
             state_units=np.array([1.0] * errors.dimension + [self.rate_unit] * 3),
             control_units=np.full(3, self.torque_unit),
             control_limits=config.max_torque_n_m, control_name='torque',
-            state_limits={'rate': lambda x: self.rate_limits(x[n:])} if self.limited else {},
+            state_limits={limit.name: self._values_of(limit, n) for limit in config.rate_limits},
             existence=lambda x, torque: self.load(x[n:], torque))
 
     def momentum(self, step: ca.SX) -> ca.SX:
@@ -122,17 +121,9 @@ class RigidBody:
         return (2 * quadratic(self.rate_hessian, step[1:4])
                 + quadratic(self.torque_hessian, torque) / 2)
 
-    def rate_limits(self, step: ca.SX) -> ca.SX:
-        """Return ``+-omega_i / max_rate_i - 1`` of the limited axes: smooth, unlike |omega_i|."""
-        axes = np.flatnonzero(np.isfinite(self.max_rate)).tolist()
-        rate = self.rate(step)
-        return ca.vertcat(*(sign * rate[i] / self.max_rate[i] - 1
-                            for i in axes for sign in (1, -1)))
-
-    @property
-    def limited(self) -> bool:
-        """Whether any rate is limited."""
-        return bool(np.isfinite(self.max_rate).any())
+    def _values_of(self, limit: RateLimit, n: int) -> Callable[[ca.SX], ca.SX]:
+        """Return a rate limit as a function of the state, whose error part has n entries."""
+        return lambda x: ca.vertcat(*limit.values(ca.vertsplit(self.rate(x[n:]))))
 
     def _momenta(self, step: ca.SX, torque: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Return m of the step that is taken, and what the torque adds after it."""

@@ -38,7 +38,7 @@ def test_one_step_is_the_rigid_body(model: problem.Model, state: np.ndarray) -> 
 
 @pytest.fixture(scope='module')
 def mpc() -> AttitudeMpc:
-    return AttitudeMpc(problem.comparison_config(10), backend='vm')
+    return AttitudeMpc(problem.comparison_config(10))
 
 
 @pytest.mark.parametrize('state', STATES)

@@ -38,7 +38,7 @@ def changed(**controller_changes: Any) -> CampaignPlan:
 
 @pytest.fixture(scope='module')
 def mpc() -> AttitudeMpc:
-    return AttitudeMpc(plan().config, backend='vm')
+    return AttitudeMpc(plan().config)
 
 
 @pytest.fixture(scope='module')

@@ -38,7 +38,7 @@ def write_config(tmp_path: Path) -> Callable[..., Path]:
 def quick_controller(write_config: Callable[..., Path]) -> Path:
     """A controller that is built in a second or two without a compiler."""
     return write_config('controller', **{
-        'mpc.horizon': 5, 'mpc.backend': 'vm', 'mpc.terminal_constraint': False,
+        'mpc.horizon': 5, 'mpc.terminal_constraint': False,
         'limits.max_rate_rad_s': [float('inf')] * 3})
 
 

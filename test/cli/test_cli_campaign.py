@@ -50,7 +50,7 @@ def use(monkeypatch: pytest.MonkeyPatch) -> Callable[[Any], None]:
 def optimiser() -> AttitudeMpc:
     """The controller of `small`, built once for the tests that need it."""
     plan = CampaignPlan.from_text(yaml.safe_dump(mapping()), 'small')
-    return AttitudeMpc(plan.config, backend='vm')
+    return AttitudeMpc(plan.config)
 
 
 def written(tmp_path: Path) -> dict[str, Any]:
@@ -143,7 +143,7 @@ def test_plants_have_a_picture_of_their_own(
     command: Command, write: Callable[..., Path], tmp_path: Path, use: Callable[[Any], None],
 ) -> None:
     use(stubs.make_damping)
-    limits = {'spacecraft.inertia_kg_m2': [1.0, 0.9, 0.6], 'mpc.backend': 'vm'}
+    limits = {'spacecraft.inertia_kg_m2': [1.0, 0.9, 0.6]}
     path = write(sets=[plants(loops=4)], controller=limits, acceptance={})
     status, out, err = command('campaign', path, '--workers', '1', '-o', tmp_path / 'out')
     assert (status, err) == (0, '')

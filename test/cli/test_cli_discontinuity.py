@@ -38,7 +38,7 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
         lines: list[str] = []
         patch.setattr('sys.stdout.write', lines.append, raising=False)
         patch.setattr(study, 'study_antipode', coarse)
-        status = main(['discontinuity', '--law', 'paper', '--backend', 'vm', '--map-axes', '6',
+        status = main(['discontinuity', '--law', 'paper', '--map-axes', '6',
                        '--axis', '0', '0', '2', '--output', str(folder)])
     text = (folder / 'discontinuity.json').read_text(encoding='utf-8')
     return Outcome(status, folder, ''.join(lines), json.loads(text))
@@ -92,7 +92,7 @@ def test_only_what_is_asked_for_is_measured(
 ) -> None:
     status, out, _ = command(
         'discontinuity', '--law', 'configured', '--target', 'attitude', '--map-axes', 0,
-        '--controller-config', quick_controller, '--backend', 'vm', '--axis', '0', '-1', '0',
+        '--controller-config', quick_controller, '--axis', '0', '-1', '0',
         '--span', 5, '--output', tmp_path / 'out')
     assert status == 0
     assert {path.name for path in (tmp_path / 'out').iterdir()} == {

@@ -33,7 +33,7 @@ COARSE = ('--states', '60', '--half-turns', '12', '--resolution', '9', '--worker
 def quick(write_config: Callable[..., Path]) -> Path:
     """A controller whose states at rest need three steps at most; its solvers build quickly."""
     return write_config('controller', **{
-        'mpc.horizon': 3, 'mpc.backend': 'vm', 'mpc.torque_weight': [20.0] * 3,
+        'mpc.horizon': 3, 'mpc.torque_weight': [20.0] * 3,
         'limits.max_torque_n_m': [0.8] * 3, 'limits.max_rate_rad_s': [float('inf')] * 3})
 
 

@@ -34,7 +34,7 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
     with pytest.MonkeyPatch.context() as patch:
         lines: list[str] = []
         patch.setattr('sys.stdout.write', lines.append, raising=False)
-        status = main(['figures', '--backend', 'vm', '--output', str(folder)])
+        status = main(['figures', '--output', str(folder)])
     return Outcome(status, folder, ''.join(lines))
 
 

@@ -103,7 +103,7 @@ def test_version(command: Command) -> None:
     (['simulate', '--duration', 'long'], ['--duration', "'long'", 'finite number']),
     (['simulate', '--duration', 'nan'], ['--duration', "'nan'"]),
     (['simulate', '--duration', '-1'], ['--duration', 'above 0']),
-    (['simulate', '--backend', 'java'], ['--backend', 'java', 'vm']),
+    (['simulate', '--backend', 'java'], ['--backend', 'java', 'c']),
     (['figures', '--duration', '0'], ['--duration', 'above 0']),
     (['demo', '--time-limit', 'inf'], ['--time-limit', "'inf'"]),
 ])

@@ -28,7 +28,7 @@ RECORD = [sys.executable, '-m', 'manifold_mpc_ros.cli.main', 'record']
 HALF = 0.7071067811865476
 QUICK: dict[str, Any] = {
     'description': 'quick to run', 'duration_s': 5.0,
-    'controller': {'mpc': {'horizon': 5, 'backend': 'vm', 'terminal_constraint': False},
+    'controller': {'mpc': {'horizon': 5, 'terminal_constraint': False},
                    'limits': {'max_rate_rad_s': [float('inf')] * 3}},
     'simulator': {'sensor': {'attitude_noise_std_rad': 1e-3, 'seed': 5}}}
 SETPOINTS = [{'at_s': 0.0, 'attitude_xyzw': [0.0, HALF, 0.0, HALF]},
@@ -109,7 +109,7 @@ def described(run: BagRun, given: Path) -> None:
     """The bag says what it comes from, and what every topic is."""
     assert run.scenario is not None
     assert run.scenario.text == given.read_text(encoding='utf-8')
-    assert run.description.backend == 'vm'
+    assert run.description.backend == 'c'
     assert run.description.controller_parameters['mpc.horizon'] == 5
     assert run.description.simulator_parameters['sensor.seed'] == 5
     assert {'manifold_mpc_ros', 'numpy', 'casadi', 'rmw', 'python'} <= set(
@@ -201,7 +201,7 @@ def test_the_list_has_every_shipped_scenario(command: Command) -> None:
 def test_a_controller_that_refuses_leaves_nothing(tmp_path: Path) -> None:
     """No design exists for these weights: one message, no bag."""
     given = scenario(tmp_path, controller={
-        'mpc': {'horizon': 5, 'backend': 'vm', 'terminal_scale': 1.0}})
+        'mpc': {'horizon': 5, 'terminal_scale': 1.0}})
     done = record(given, '-o', tmp_path / 'bag')
     assert done.returncode == 2
     assert done.stderr.count('\n') == 1

@@ -25,7 +25,7 @@ from manifold_mpc_ros.lab.recording.bags.writer import BagWriter
 Command = Callable[..., tuple[int, str, str]]
 TOP = Path(__file__).parents[2]
 MANIFOLD_MPC = [sys.executable, '-m', 'manifold_mpc_ros.cli.main']
-BACKENDS = ['vm', *(['c'] if shutil.which('cc') or shutil.which('gcc') else [])]
+BACKENDS = ['c', *(['c'] if shutil.which('cc') or shutil.which('gcc') else [])]
 
 
 def run(*arguments: object) -> subprocess.CompletedProcess[str]:
@@ -100,7 +100,7 @@ def test_a_bag_from_another_stack(tmp_path: Path) -> None:
     assert refused.returncode == 2
     assert '/pose (geometry_msgs/msg/PoseStamped)' in refused.stderr
     assert refused.stderr.count('\n') == 1
-    arguments = ('--pose', '/pose', '--twist', '/rate', '--backend', 'vm')
+    arguments = ('--pose', '/pose', '--twist', '/rate')
     done = run('replay', foreign, *arguments)
     assert done.returncode == 0, done.stdout + done.stderr
     assert '6 torques' in done.stdout
@@ -143,14 +143,14 @@ def others_bag(path: Path) -> Path:
 
 
 def test_at_a_pace() -> None:
-    done = run('replay', GOLDEN / 'mistuned.mcap', '--rate', '2', '--backend', 'vm')
+    done = run('replay', GOLDEN / 'mistuned.mcap', '--rate', '2')
     assert '2 times as fast as real time' in done.stdout
     assert 'at most 0.05 N m' in done.stdout
     assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_damage_is_told_and_fails(tmp_path: Path) -> None:
-    done = run('replay', truncated('mistuned', tmp_path), '--backend', 'vm', '--tolerance', '1e-9')
+    done = run('replay', truncated('mistuned', tmp_path), '--tolerance', '1e-9')
     assert (done.returncode, done.stderr) == (1, ''), done.stdout + done.stderr
     assert 'damaged: part.mcap: the file cannot be read from byte' in done.stdout
     assert 'FAIL: what could be read of the damaged bag agrees' in done.stdout

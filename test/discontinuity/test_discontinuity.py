@@ -24,12 +24,12 @@ FIRST_TORQUE = 1.1788
 
 @pytest.fixture(scope='module')
 def paper() -> AttitudeMpc:
-    return AttitudeMpc(paper_config(), backend='vm')
+    return AttitudeMpc(paper_config())
 
 
 @pytest.fixture(scope='module')
 def pointing() -> AttitudeMpc:
-    return AttitudeMpc(replace(paper_config(), target='pointing'), backend='vm')
+    return AttitudeMpc(replace(paper_config(), target='pointing'))
 
 
 def along_x(value: Callable[[float], float]) -> d.Law:
@@ -119,7 +119,7 @@ def test_the_jump_is_the_same_about_an_axis_and_its_opposite(paper: AttitudeMpc)
     body = np.diag([1.0, 0.9, 0.6])
     uneven = AttitudeMpc(replace(
         paper.config, inertia_kg_m2=body, rate_weight=np.trace(body) / 2 * np.eye(3) - body),
-        backend='vm')
+        backend='c')
     axes = np.array([[1.0, -2.0, 3.0], [0.0, 0.0, 1.0]])
     there, opposite = (map_jumps(uneven, sign * axes, 5.0) for sign in (1, -1))
     assert np.allclose(there.jump_n_m, opposite.jump_n_m, atol=1e-3)

@@ -31,7 +31,7 @@ from manifold_mpc_ros.terminal.problem_of import terminal_design
 # Strong torques and a soft law: no state at rest needs more than three steps.
 QUICK: dict[str, Any] = {
     'forcing': 'symmetric', 'max_torque_n_m': 0.8, 'torque_weight': 20 * np.eye(3), 'horizon': 3}
-VM = Settings(backend='vm')
+VM = Settings(backend='c')
 
 
 @pytest.fixture(scope='module')
@@ -46,7 +46,7 @@ def terminal(config: AttitudeMpcConfig) -> TerminalDesign:
 
 @pytest.fixture(scope='module')
 def searches(config: AttitudeMpcConfig, terminal: TerminalDesign) -> dict[int, Feasibility]:
-    return {n: Feasibility(replace(config, horizon=n), terminal, backend='vm') for n in (1, 2, 3)}
+    return {n: Feasibility(replace(config, horizon=n), terminal) for n in (1, 2, 3)}
 
 
 @pytest.fixture(scope='module')
@@ -123,7 +123,7 @@ def test_the_controller_says_the_same(
     for R, omega, smallest in states_of(asked[0]):
         if smallest in by_horizon:
             by_horizon[smallest].append((R, omega))
-    controllers = {n: AttitudeMpc(replace(config, horizon=n), backend='vm', terminal=terminal)
+    controllers = {n: AttitudeMpc(replace(config, horizon=n), terminal=terminal)
                    for n in (1, 2, 3)}
     for smallest, states in by_horizon.items():
         assert len(states) >= 2

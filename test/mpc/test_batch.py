@@ -64,7 +64,7 @@ def test_compiled_and_interpreted_loops_have_the_same_bits(cache_dir: Path) -> N
     config = configuration(**LIMITED)
     R, omega = states(1)
     loops = [LoopingMpc(config, backend=backend, cache_dir=cache_dir).close_loop(
-        R[0], omega[0], TICKS, disturbance_B_n_m=[1e-3, 0, 0]) for backend in ('auto', 'vm')]
+        R[0], omega[0], TICKS, disturbance_B_n_m=[1e-3, 0, 0]) for backend in ('auto', 'c')]
     assert np.array_equal(loops[0].torque_B_n_m, loops[1].torque_B_n_m)
     assert np.array_equal(loops[0].R_NB, loops[1].R_NB)
 

@@ -19,7 +19,7 @@ STATES = [*rest_states(1), *random_states('budget', 4, 0.2)]
 
 
 @pytest.mark.parametrize('kind', [LIMITED, CERTIFIED], ids=['limited', 'certified'])
-@pytest.mark.parametrize('backend', ['auto', 'vm'])
+@pytest.mark.parametrize('backend', ['auto', 'c'])
 def test_no_time_still_gives_a_plan_within_the_torque_limits(
         controller: Make, kind: dict[str, object], backend: str) -> None:
     mpc = controller(**kind, backend=backend)

@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 import pytest
 from cases import CERTIFIED, LIMITED, LIMITS, REFERENCE, configuration
+from manifold_mpc_ros.mpc.backends.interpreted import InterpretedSolver
 from numpy.typing import NDArray
 from strategies import INERTIAS, generator
 
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc import search
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
-from manifold_mpc_ros.mpc.backends.interpreted import InterpretedSolver
 from manifold_mpc_ros.mpc.program import fields as f
 
 Array = NDArray[np.float64]
@@ -64,7 +64,7 @@ class Probe(InterpretedSolver):
 @pytest.fixture(scope='module', params=sorted(KINDS))
 def probe(request: pytest.FixtureRequest) -> Probe:
     """Return a probe of each kind of problem."""
-    solver = AttitudeMpc(configuration(**KINDS[request.param]), backend='vm')._strict
+    solver = AttitudeMpc(configuration(**KINDS[request.param]))._strict
     assert isinstance(solver, InterpretedSolver)
     solver.__class__ = Probe
     assert isinstance(solver, Probe)

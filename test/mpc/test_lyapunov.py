@@ -113,7 +113,7 @@ def test_a_terminal_cost_that_is_too_small_breaks_the_decrease(
     weak = replace(design, P=0.01 * design.P, c=0.01 * design.c)
     broken = {}
     for name, terminal in (('right', design), ('weak', weak)):
-        mpc = AttitudeMpc(short, backend='vm', cache_dir=cache_dir, terminal=terminal)
+        mpc = AttitudeMpc(short, cache_dir=cache_dir, terminal=terminal)
         loop = closed_loop(mpc, so3.exp(np.array([0.1, -0.05, 0.08])), np.zeros(3), 8)
         assert {tick.plan.status for tick in loop} == {SolveStatus.CONVERGED}
         broken[name] = broken_promises(loop).max()

@@ -141,7 +141,7 @@ def test_compiled_and_interpreted_solvers_give_the_same_bits(controller: Make) -
     compiled = controller(**PROBLEMS['limited'])
     if compiled.backend != 'c':
         pytest.skip('no C compiler here')
-    interpreted = controller(**PROBLEMS['limited'], backend='vm')
+    interpreted = controller(**PROBLEMS['limited'])
     for R, omega in random_states('pointing bits', 2, 0.2):
         found = [mpc.solve(R, omega) for mpc in (compiled, interpreted)]
         np.testing.assert_array_equal(found[0].torques_B_n_m, found[1].torques_B_n_m)

@@ -65,7 +65,7 @@ def test_the_cost_is_the_cost_of_the_plan(controller: Make, kind: str) -> None:
 def test_limits_hold_where_they_are_set_and_only_there(controller: Make, forcing: str) -> None:
     """Each limit is active with it and broken without it."""
     torque, rate = LIMITS['max_torque_n_m'], LIMITS['max_rate_rad_s']
-    kinds = {'free': controller(**REFERENCE, forcing=forcing, backend='vm'),
+    kinds = {'free': controller(**REFERENCE, forcing=forcing),
              'limited': controller(**LIMITED, forcing=forcing)}
     largest = {name: ([], []) for name in kinds}
     for name, mpc in kinds.items():
@@ -119,7 +119,7 @@ def cost_gradient(mpc: AttitudeMpc, R: Array, omega: Array, torques: Array) -> A
 
 @pytest.mark.parametrize('forcing', ['paper', 'symmetric'])
 def test_the_gradient_vanishes_without_limits(controller: Make, forcing: str) -> None:
-    mpc = controller(**REFERENCE, forcing=forcing, backend='vm')
+    mpc = controller(**REFERENCE, forcing=forcing)
     for R, omega in random_states('gradient', 2, 0.3):
         plan = cold(mpc).solve(R, omega)
         assert plan.kkt_residual < 1e-8
@@ -132,7 +132,7 @@ def test_the_gradient_vanishes_without_limits(controller: Make, forcing: str) ->
 @pytest.mark.parametrize('forcing', ['paper', 'symmetric'])
 def test_the_gradient_points_out_of_the_torque_box(controller: Make, forcing: str) -> None:
     """Inside the box it vanishes; at a bound the cost falls towards the outside only."""
-    mpc = controller(**REFERENCE, forcing=forcing, max_torque_n_m=0.3, backend='vm')
+    mpc = controller(**REFERENCE, forcing=forcing, max_torque_n_m=0.3)
     for R, omega in [*random_states('box', 2, 0.3), *rest_states(0)[2:]]:
         plan = cold(mpc).solve(R, omega)
         assert plan.kkt_residual < 1e-6
@@ -146,7 +146,7 @@ def test_the_gradient_points_out_of_the_torque_box(controller: Make, forcing: st
 @pytest.mark.parametrize('forcing', ['paper', 'symmetric'])
 @pytest.mark.parametrize('horizon', [1, 2, 3])
 def test_short_horizons(controller: Make, horizon: int, forcing: str) -> None:
-    mpc = controller(**LIMITED, forcing=forcing, horizon=horizon, backend='vm')
+    mpc = controller(**LIMITED, forcing=forcing, horizon=horizon)
     oracle = Oracle(mpc.config, mpc.terminal.P, mpc.terminal.c)
     rng = generator('short')
     for R, omega in [(half_turns(np.array([0.0, 0.0, 1.0])), np.zeros(3)),

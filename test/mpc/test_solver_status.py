@@ -98,7 +98,7 @@ def test_a_good_state_repaired_by_projection_is_answered(controller: Make) -> No
 
 def test_outside_the_feasible_set_torque_limits_still_hold(controller: Make) -> None:
     """Four steps cannot reach the terminal set from afar; from nearby they can."""
-    mpc = controller(**{**CERTIFIED, 'horizon': 4, 'backend': 'vm'})
+    mpc = controller(**{**CERTIFIED, 'horizon': 4})
     for R, omega in [*rest_states(1), *random_states('outside', 3, 0.1)]:
         far = cold(mpc).solve(R, omega)
         assert far.status is SolveStatus.INFEASIBLE
@@ -113,7 +113,7 @@ def test_outside_the_feasible_set_torque_limits_still_hold(controller: Make) -> 
 
 def test_infeasible_means_that_no_plan_exists(controller: Make) -> None:
     """IPOPT from four starts agrees about which states are in D_N, on both sides of its edge."""
-    mpc = controller(**{**CERTIFIED, 'horizon': 5, 'backend': 'vm'})
+    mpc = controller(**{**CERTIFIED, 'horizon': 5})
     oracle = Oracle(mpc.config, mpc.terminal.P, mpc.terminal.c)
     rng, inside = generator('membership'), []
     for axis, angle in zip(unit_vectors(rng, 14), np.linspace(0.5, 2.2, 14)):

@@ -114,7 +114,7 @@ def test_body_axes_are_a_matter_of_choice(controller: Make) -> None:
         config = plain.config
         turned = AttitudeMpc(replace(
             config, inertia_kg_m2=symmetric(Q @ config.inertia_kg_m2 @ Q.T),
-            rate_weight=symmetric(Q @ config.rate_weight @ Q.T)), backend='vm')
+            rate_weight=symmetric(Q @ config.rate_weight @ Q.T)))
         for R, omega in random_states('axes', 4, 0.5):
             expected = cold(plain).solve(R, omega)
             plan = cold(turned).solve(Q @ R @ Q.T, Q @ omega)

@@ -90,7 +90,7 @@ def test_requests_that_make_no_sense_are_refused_and_change_nothing(rig: Rig) ->
 
 def test_another_horizon_inertia_and_limit_take_over_between_two_ticks(rig: Rig) -> None:
     """All at once; while the solver is being built the old one goes on."""
-    bench = Bench(rig, use_sim_time=True, **{'mpc.backend': 'vm'})
+    bench = Bench(rig, use_sim_time=True, **{'mpc.backend': 'c'})
     bench.until(lambda: bench.pulls(0.1), 'a torque', valid)
     request = SetParametersAtomically.Request(parameters=[
         parameter('mpc.horizon', ParameterType.PARAMETER_INTEGER, integer_value=12),

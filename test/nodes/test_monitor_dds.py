@@ -162,7 +162,7 @@ def test_a_wider_tolerance_is_silent(rig: Rig) -> None:
 def test_a_state_outside_the_domain_of_attraction_is_a_warning_until_inside(rig: Rig) -> None:
     """Eight steps do not reach the terminal set from 180 degrees: WARN, then OK once they do."""
     diagnostics = rig.watch(DiagnosticArray, '/diagnostics')
-    start(rig, **{'mpc.horizon': 8, 'mpc.backend': 'vm'})
+    start(rig, **{'mpc.horizon': 8})
     rig.until(lambda: values_of(diagnostics, NODE).get('in_terminal_set') == 'true', 'the set')
     ticks = by_tick(diagnostics)
     level, message, values = ticks[1]

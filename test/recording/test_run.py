@@ -57,7 +57,7 @@ def test_the_arrays_of_a_run(whole: Path) -> None:
     assert run.outcome == 'complete'
     assert run.scenario is not None
     assert (run.scenario.name, run.scenario.duration_s) == ('synthetic', 2.0)
-    assert run.description.backend == 'vm'
+    assert run.description.backend == 'c'
     assert np.array_equal(run.states.stamp_ns, 1_000_000_000 + STEP_NS * index)
     assert np.allclose(run.states.time_s, 0.5 * index, rtol=0, atol=1e-12)
     assert np.array_equal(run.states.received_ns, START_NS + 1000 * index)
@@ -166,6 +166,6 @@ def test_a_description_outlives_its_json() -> None:
     description = RunDescription('a', 'b', {'numpy': '2'}, 'c', {'x': [1.0]}, {}, {})
     assert RunDescription.from_json(description.to_json()) == description
     assert RunDescription.from_json('{"backend": "vm", "later": 1, "versions": 3}') == \
-        RunDescription(backend='vm')
+        RunDescription(backend='c')
     with pytest.raises(ValueError, match='JSON'):
         RunDescription.from_json('[]')

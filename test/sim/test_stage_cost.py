@@ -64,7 +64,7 @@ def test_the_direction_is_the_target_seen_from_the_body() -> None:
 def test_what_the_solver_promises_is_its_value_less_this_cost() -> None:
     """The solver's own stage cost comes from quaternions and CasADi."""
     problem, rng = config(max_torque_n_m=0.3), generator('promise')
-    mpc = AttitudeMpc(problem, backend='vm')
+    mpc = AttitudeMpc(problem)
     for R, omega in zip(so3.random_rotations(rng, 3), rates(rng, 3, 0.2), strict=True):
         plan = mpc.solve(R, omega)
         paid = stage_costs(problem, R[None], omega[None], plan.torque_B_n_m[None])[0]

@@ -44,7 +44,7 @@ J, R0, w0 = np.diag([1.0, 0.9, 0.6]), np.diag([-1.0, -1.0, 1.0]), np.zeros(3)
 config = AttitudeMpcConfig(
     inertia_kg_m2=J, step_s=0.5, horizon=10, attitude_weight=np.eye(3),
     rate_weight=np.trace(J) / 2 * np.eye(3) - J, torque_weight=2 * np.eye(3), terminal_scale=0.1)
-mpc = AttitudeMpc(config, backend='vm')
+mpc = AttitudeMpc(config)
 assert isinstance(mpc.terminal, TerminalDesign)
 solution = mpc.solve(R0, w0)
 R1, w1 = lgvi_step(R0, w0, solution.torque_B_n_m, inertia_kg_m2=J, step_s=0.5)

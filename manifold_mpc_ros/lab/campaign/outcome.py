@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics.inertia import free_steps_exist
+from manifold_mpc_ros.config.rate_limits import rates_beyond
 from manifold_mpc_ros.lab.campaign import turning
 from manifold_mpc_ros.lab.campaign.case import Case, CaseName, draw_case
 from manifold_mpc_ros.lab.campaign.keys import MODEL, PLANT
@@ -175,12 +176,10 @@ def _exceeded(course: Course, config: AttitudeMpcConfig) -> int:
     if config.max_torque_n_m is not None:
         limit = config.max_torque_n_m * (1.0 + TORQUE_MARGIN)
         count += int(np.count_nonzero(np.any(np.abs(course.torque_B_n_m) > limit, axis=1)))
-    if config.max_rate_rad_s is not None:
-        limit = config.max_rate_rad_s * (1.0 + RATE_MARGIN[course.case.drawn_from.body])
-        over = np.any(np.abs(course.omega_BN_B[1:]) > limit, axis=1)
-        promised = np.isin(course.status[:-1], ('converged', 'feasible'))
-        count += int(np.count_nonzero(over & promised))
-    return count
+    over = rates_beyond(config.rate_limits, course.omega_BN_B[1:],
+                        RATE_MARGIN[course.case.drawn_from.body])
+    promised = np.isin(course.status[:-1], ('converged', 'feasible'))
+    return count + int(np.count_nonzero(over & promised))
 
 
 def _broken(found: dict[str, Any], limits: Limits) -> list[str]:

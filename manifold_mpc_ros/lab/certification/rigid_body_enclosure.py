@@ -66,8 +66,7 @@ class RigidBodyEnclosure:
             triple(entry - mean if i == j else entry for j, entry in enumerate(row))
             for i, row in enumerate(self.inertia))
         self._guard = lowest_eigenvalue(config.inertia_kg_m2)
-        limit = config.max_rate_rad_s
-        self.max_rate = np.full(3, np.inf) if limit is None else np.asarray(limit)
+        self._limits = config.rate_limits
         weights = [config.rate_weight, config.torque_weight]
         self.rate_hessian, self.torque_hessian = map(trace_hessian, weights)
 
@@ -125,10 +124,10 @@ class RigidBodyEnclosure:
         return root(squared_norm(m).value) / self._guard
 
     def _rates(self, m: list[Jet]) -> dict[str, arb]:
-        """Return ``|omega_i| / max_rate_i`` of the limited axes."""
-        omega = scalar_form.solve(self.inertia, triple(m))
-        return {f'rate {axis}': abs(omega[i].value) / (self.h * arb(float(self.max_rate[i])))
-                for i, axis in enumerate('xyz') if np.isfinite(self.max_rate[i])}
+        """Return what each rate limit says of the body rate, at most 1 inside."""
+        omega = [entry.value / self.h for entry in scalar_form.solve(self.inertia, triple(m))]
+        return {name: ratio for limit in self._limits
+                for name, ratio in limit.ratios(omega).items()}
 
     def _step(self, m: list[Jet], name: str, memory: Memory) -> list[Jet]:
         """Map m to the Cayley parameter of its step, with derivatives of the inverse of (5).

@@ -74,8 +74,6 @@ def run(arguments: argparse.Namespace) -> int:
     settled_s = log.settled_at(
         math.radians(arguments.attitude_tolerance), arguments.rate_tolerance)
     rows = _result_rows(log, plant, config, arguments, settled_s)
-    rows.append(('solver runs as', 'generated C' if mpc.backend == 'c' else
-                 "CasADi's virtual machine"))
     console.print(report.result_table('Closed loop, offline', rows))
     report.say_written(console, _write(log, config, arguments, settled_s))
     return 0 if settled_s is not None else 1

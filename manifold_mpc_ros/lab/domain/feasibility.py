@@ -18,12 +18,13 @@ import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.mpc import search
-from manifold_mpc_ros.mpc.attitude_mpc import VIOLATION, structure_of
+from manifold_mpc_ros.mpc.attitude_mpc import VIOLATION
 from manifold_mpc_ros.mpc.backends.build import load_solver
 from manifold_mpc_ros.mpc.program import options
-from manifold_mpc_ros.mpc.scaling import Array, flat_parameters, scaling_of
+from manifold_mpc_ros.mpc.program.numbers import numbers_of
+from manifold_mpc_ros.mpc.scaling import Array, scaling_of
+from manifold_mpc_ros.mpc.stages.inequalities import structure_of
 from manifold_mpc_ros.terminal.design import TerminalDesign
-from manifold_mpc_ros.terminal.manifold import tangent_basis
 
 # Passes between two looks at whether a plan is feasible.
 _PASSES_BETWEEN = 4
@@ -38,12 +39,11 @@ class Feasibility:
         config = replace(config, terminal_constraint=True)
         structure = structure_of(config)
         make, self.backend = load_solver(structure, config.horizon, backend, cache_dir)
-        self._solver = make(flat_parameters(config, terminal.P, terminal.K, terminal.c))
-        self._starts = search.starts(structure, tangent_basis(config.pointing_axis_B))
+        self._solver = make(numbers_of(config, terminal, terminal.c))
+        self._starts = search.starts(config)
         self._plan = self._solver.new_plan()
         self._unit = scaling_of(config)
-        limits = np.full(3, np.inf) if config.max_rate_rad_s is None else config.max_rate_rad_s
-        self._most_rate = (1 + VIOLATION) * limits / self._unit.rate_rad_s
+        self._limits = config.rate_limits
 
     def plan(self, R_NB: Array, omega_BN_B: Array) -> Array | None:
         """Map a state (commanded attitude: identity) to torques (N, 3) [N m], None if not found.
@@ -73,6 +73,6 @@ class Feasibility:
         """Return whether a roll-out keeps the rate limits at k >= 1 and ends in X_T."""
         self._solver.keep(self._plan)
         report = self._solver.report(self._plan)
-        rates = self._solver.poses()[1:, 9:]
-        return bool(np.all(np.abs(rates) <= self._most_rate)
-                    and report.last_level <= 1 + VIOLATION)
+        rates = self._solver.poses()[1:, 9:].T * self._unit.rate_rad_s
+        values = [value for limit in self._limits for value in limit.values(rates)]
+        return bool(np.all(np.array(values) <= VIOLATION) and report.last_level <= 1 + VIOLATION)

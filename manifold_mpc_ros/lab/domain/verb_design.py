@@ -15,6 +15,7 @@ import numpy as np
 
 from manifold_mpc_ros.cli import arguments as shared
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.config.rate_limits import RateBox, RateEllipsoid
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -35,7 +36,7 @@ EXAMPLES = """\
 CONDITIONS = {
     'chart': 'the chart ends, half a turn away',
     'torque': 'torque limit, |K xi| <= max_torque (8a)',
-    'rate': 'rate limit, |omega| <= max_rate',
+    **{kind.name: kind.description for kind in (RateBox, RateEllipsoid)},
     'step': 'existence of the implicit step',
     'decrease': "decrease, F(xi') - F(xi) <= -L (8c)",
 }

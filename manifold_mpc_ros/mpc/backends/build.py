@@ -1,92 +1,91 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The solver compiled from generated C and cached, or in CasADi's virtual machine.
+"""The solver compiled from generated C, and cached.
 
 The compiled library depends on the problem's structure only (forcing, target, which inequalities
 exist); the horizon and all numbers are run-time values. Its file name is a hash of the structure,
 of the sources that generate it, of CasADi, of the compiler and of the processor. Concurrent starts
 can at worst compile the same thing twice; a damaged library is not loaded, which would end the
 process (:mod:`manifold_mpc_ros.mpc.cache`).
+
+The compiler is $CC, cc, gcc or clang, else the one that the Python package ``ziglang`` brings.
+Where no cache can be written to, the library is compiled into a folder of this process's own.
 """
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import platform
 import shlex
 import shutil
 import subprocess
+import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import casadi as ca
 
-from manifold_mpc_ros.errors import ConfigurationError, SolverBuildError
+from manifold_mpc_ros.errors import CacheError, ConfigurationError, SolverBuildError
 from manifold_mpc_ros.mpc import cache
 from manifold_mpc_ros.mpc.backends.code_generation import program_code
-from manifold_mpc_ros.mpc.backends.compiled import Library, NativeSolver
-from manifold_mpc_ros.mpc.backends.interpreted import InterpretedSolver, Parts
+from manifold_mpc_ros.mpc.backends.library import Library
 from manifold_mpc_ros.mpc.backends.local_solver import LocalSolver
-from manifold_mpc_ros.mpc.program.program import program_of
+from manifold_mpc_ros.mpc.program.field import Field
 from manifold_mpc_ros.mpc.program.structure import Structure
 from manifold_mpc_ros.mpc.scaling import Array
 
-BACKENDS = ('auto', 'c', 'vm')
-# No contraction into fused multiply-add: compiled C and the virtual machine then execute the
-# same sequence of roundings (test_backends.py compares them bit by bit).
+BACKENDS = ('auto', 'c')
+# No contraction into fused multiply-add: every processor and compiler then executes the same
+# sequence of roundings, and a recorded loop replays bit for bit (test_backends.py). On one
+# processor contraction saved 6 % of the time (docs/solver.md).
 _FLAGS = ('-std=gnu11', '-O2', '-march=native', '-ffp-contract=off', '-fno-math-errno', '-fPIC',
           '-shared')
 _COMPILE_TIMEOUT_S = 300
 
-# Makes a solver with memory of its own from a flat vector of parameters.
-MakeSolver = Callable[[Array], LocalSolver]
+# Makes a solver with memory of its own from the numbers of a problem.
+MakeSolver = Callable[[Mapping[Field, Array]], LocalSolver]
 
 
 def load_solver(structure: Structure, horizon: int, backend: str, cache_dir: str | Path | None
                 ) -> tuple[MakeSolver, str]:
-    """Return what makes solvers of this structure and horizon, and the backend, 'c' or 'vm'.
-
-    ``backend`` 'auto' compiles where there is a compiler and falls back to the virtual machine.
+    """Return what makes solvers of this structure and horizon, and the backend's name, 'c'.
 
     Raises
     ------
     ConfigurationError
         For an unknown backend.
     SolverBuildError
-        When backend 'c' is asked for and cannot be had.
+        When there is no compiler, or it fails.
 
     """
     if backend not in BACKENDS:
         raise ConfigurationError('backend', backend, f'one of {", ".join(BACKENDS)}')
-    if backend != 'vm':
-        try:
-            library = _load_library(structure, cache.cache_directory(cache_dir))
-            return lambda numbers: NativeSolver(library, structure, horizon, numbers), 'c'
-        except SolverBuildError:
-            if backend == 'c':
-                raise
-    parts = Parts(program_of(structure), horizon)
-    return lambda numbers: InterpretedSolver(parts, structure, numbers), 'vm'
+    library = _load_library(structure, cache_dir)
+    return lambda numbers: LocalSolver(library, structure, horizon, numbers), 'c'
 
 
-def _load_library(structure: Structure, folder: Path) -> Library:
+def _load_library(structure: Structure, cache_dir: str | Path | None) -> Library:
     """Return the compiled solver, from the cache or freshly compiled."""
-    path = folder / f'solver_{_key(structure)}.so'
-    if cache.read(path) is None:
-        try:
-            _compile(structure, path)
-        except OSError as error:
-            raise SolverBuildError(f'cannot write {path}: {error}') from error
-    return Library(path)
+    try:
+        path = cache.cache_directory(cache_dir) / f'solver_{_key(structure)}.so'
+        if cache.read(path) is None:
+            cache.write(path, _compiled(structure, path.parent))
+        return Library(path)
+    except (CacheError, OSError):
+        with tempfile.TemporaryDirectory(prefix='manifold_mpc_') as folder:
+            path = Path(folder) / 'solver.so'
+            path.write_bytes(_compiled(structure, path.parent))
+            return Library(path)  # stays mapped when its file is gone
 
 
-def _compile(structure: Structure, library: Path) -> None:
-    """Generate C, compile it beside its destination and put it there."""
+def _compiled(structure: Structure, beside: Path) -> bytes:
+    """Generate C, compile it in a folder beside the destination and return the library."""
     compiler = _compiler()
-    with tempfile.TemporaryDirectory(dir=library.parent, prefix='build_') as folder:
+    with tempfile.TemporaryDirectory(dir=beside, prefix='build_') as folder:
         source, built = Path(folder) / 'solver.c', Path(folder) / 'solver.so'
-        source.write_text(program_code(program_of(structure)), encoding='utf-8')
+        source.write_text(program_code(structure), encoding='utf-8')
         command = [*compiler, *_FLAGS, str(source), '-o', str(built), '-lm']
         try:
             result = subprocess.run(command, capture_output=True, text=True, check=False,
@@ -96,18 +95,22 @@ def _compile(structure: Structure, library: Path) -> None:
         if result.returncode != 0:
             lines = result.stderr.strip().splitlines() or ['no message']
             raise SolverBuildError(f'{compiler[0]} failed on the generated solver: {lines[0]}')
-        cache.write(library, built.read_bytes())
+        return built.read_bytes()
 
 
 def _compiler() -> list[str]:
-    """Return the C compiler's command: $CC with its arguments, else cc, gcc or clang."""
+    """Return the C compiler's command: $CC with its arguments, else cc, gcc, clang or ziglang."""
     wanted = os.environ.get('CC')
     for command in (wanted,) if wanted is not None else ('cc', 'gcc', 'clang'):
         words = shlex.split(command)
         found = shutil.which(words[0]) if words else None
         if found:
             return [found, *words[1:]]
-    raise SolverBuildError(f'no C compiler found ({wanted or "cc, gcc, clang"})')
+    if wanted is None and importlib.util.find_spec('ziglang') is not None:
+        return [sys.executable, '-m', 'ziglang', 'cc']
+    raise SolverBuildError(
+        f'no C compiler found ({wanted or "cc, gcc, clang, or the Python package ziglang"}); '
+        'install one, for example with: pip install ziglang')
 
 
 # Taken when the modules are imported: sources that change later are not what runs here.

@@ -4,8 +4,8 @@
 
 Stages lie in blocks of ``LANES``; within a block every row of every field holds one number per
 lane, so a phase whose stages are independent handles a block per iteration with one vector load
-per row. The expression is CasADi's instruction list, one C statement per instruction, in the
-order in which the virtual machine executes it: both give the same bits.
+per row. The expression is CasADi's instruction list, one C statement per instruction: the same
+sequence of roundings with any compiler and any number of lanes.
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ from pathlib import Path
 import casadi as ca
 
 from manifold_mpc_ros.mpc.program import fields, options
-from manifold_mpc_ros.mpc.program.layout import first_row, memory_fields, rows_of
-from manifold_mpc_ros.mpc.program.phase import Memory, Order, Phase, Ref
-from manifold_mpc_ros.mpc.program.program import Program
-from manifold_mpc_ros.mpc.program.structure import RATE_PENALTY, TERMINAL_PENALTY
+from manifold_mpc_ros.mpc.program.field import Memory
+from manifold_mpc_ros.mpc.program.layout import Layout, layout_of
+from manifold_mpc_ros.mpc.program.phase import Order, Phase, Ref
+from manifold_mpc_ros.mpc.program.program import program_of
+from manifold_mpc_ros.mpc.program.structure import Structure
 
 _BINARY = {
     ca.OP_ADD: '{} + {}', ca.OP_SUB: '{} - {}', ca.OP_MUL: '{} * {}', ca.OP_DIV: '{} / {}',
@@ -39,23 +40,12 @@ def _number(value: float) -> str:
         'NAN' if value != value else ('INFINITY' if value > 0 else '-INFINITY'))
 
 
-def _place(ref: Ref, entry: int) -> tuple[str, int, int]:
-    """Return (memory's name in C, rows per stage, row) of one entry of a reference."""
-    row = first_row(ref.field) + entry
-    if ref.field.memory is Memory.GLOBAL:
-        return 'g', 1, row
-    rows = rows_of(ref.field.memory)
-    if ref.field.memory is Memory.MODEL:
-        return 'model', rows, row
-    return ('fresh' if ref.new else 'plan'), rows, row
-
-
 class _Printer:
     """Prints one phase."""
 
-    def __init__(self, phase: Phase) -> None:
+    def __init__(self, phase: Phase, layout: Layout) -> None:
         """Decide between lanes and one stage at a time."""
-        self._phase = phase
+        self._phase, self._layout = phase, layout
         self._lanes = phase.order is Order.ALL and phase.last is None and phase.only is None
         self._type = 'lanes' if self._lanes else 'double'
 
@@ -103,8 +93,18 @@ class _Printer:
         text = _number(value)
         return f'splat({text})' if self._lanes else text
 
+    def _place(self, ref: Ref, entry: int) -> tuple[str, int, int]:
+        """Return (memory's name in C, rows per stage, row) of one entry of a reference."""
+        row = self._layout.first_row(ref.field) + entry
+        if ref.field.memory is Memory.GLOBAL:
+            return 'g', 1, row
+        rows = self._layout.rows(ref.field.memory)
+        if ref.field.memory is Memory.MODEL:
+            return 'model', rows, row
+        return ('fresh' if ref.new else 'plan'), rows, row
+
     def _load(self, ref: Ref, entry: int) -> str:
-        memory, rows, row = _place(ref, entry)
+        memory, rows, row = self._place(ref, entry)
         if memory == 'g':
             return f'splat(g[{row}])' if self._lanes else f'g[{row}]'
         if not self._lanes:
@@ -115,7 +115,7 @@ class _Printer:
         return f'{side}({memory} + BLOCK({rows}, {row}, k), {rows} * LANES)'
 
     def _store(self, ref: Ref, entry: int, value: str) -> str:
-        memory, rows, row = _place(ref, entry)
+        memory, rows, row = self._place(ref, entry)
         if memory == 'g':
             return f'g[{row}] = {value};'
         if not self._lanes:
@@ -123,9 +123,9 @@ class _Printer:
         return f'*(lanes *)({memory} + BLOCK({rows}, {row}, k)) = {value};'
 
 
-def phase_code(phase: Phase) -> str:
+def phase_code(phase: Phase, layout: Layout) -> str:
     """Return a phase as a static C function."""
-    return _Printer(phase).text()
+    return _Printer(phase, layout).text()
 
 
 def _part_code(name: str, phases: Iterable[Phase]) -> str:
@@ -135,21 +135,21 @@ def _part_code(name: str, phases: Iterable[Phase]) -> str:
             f'double *g, long n)\n{{\n{calls}}}\n')
 
 
-def program_code(program: Program) -> str:
-    """Return the whole solver as one C file: layout, rules, phases, parts and the driver."""
+def program_code(structure: Structure) -> str:
+    """Return the whole solver as one C file: layout, options, phases, parts and the driver."""
+    program, layout = program_of(structure), layout_of(structure)
     phases = {phase.name: phase for part in program for phase in part}
-    rows = {field.name.upper(): first_row(field)
-            for field in (*memory_fields(Memory.GLOBAL), fields.LEAN, fields.INNER, fields.LATER,
+    rows = {field.name.upper(): layout.first_row(field)
+            for field in (*layout.fields(Memory.GLOBAL), fields.LEAN, fields.INNER, fields.LATER,
                           fields.TORQUE)}
-    sizes = {f'{memory.name}_ROWS': rows_of(memory) for memory in Memory}
+    sizes = {f'{memory.name}_ROWS': layout.rows(memory) for memory in Memory}
     defines = {**rows, **sizes,
-               **{name: _number(value) for name, value in options.constants().items()},
-               'RATE_PENALTY': RATE_PENALTY, 'TERMINAL_PENALTY': TERMINAL_PENALTY}
+               **{name: _number(value) for name, value in options.constants().items()}}
     here = Path(__file__).resolve().parent
     return '\n'.join([
         (here / 'lanes.h').read_text(encoding='utf-8'),
         *(f'#define {name} {value}' for name, value in defines.items()),
         f'#define WARM_STARTS {options.warm_starts()}', '',
-        *(phase_code(phase) for phase in phases.values()),
+        *(phase_code(phase, layout) for phase in phases.values()),
         *(_part_code(name, part) for name, part in program._asdict().items()),
         (here / 'driver.c').read_text(encoding='utf-8')])

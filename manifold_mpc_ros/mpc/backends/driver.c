@@ -2,7 +2,6 @@
  * SPDX-License-Identifier: Apache-2.0
  *
  * The solver's loop around the generated phases: no allocation, no callback, no global state.
- * interpreted.py is the same loop for the virtual machine; test_backends.py compares their bits.
  */
 
 enum { RUNNING, CONVERGED, STALLED, OUT_OF_TIME };
@@ -125,6 +124,21 @@ static void model_plan(solve *s)
     ++s->passes;
 }
 
+/* Model the trajectory with the exact Hessian, and try a step along the model's: what a test lays
+ * open to hold the model against differences of trials. */
+void mpc_model(solve *s, double mu)
+{
+    s->mu = mu;
+    s->exact = 1.0;
+    model_plan(s);
+}
+
+void mpc_trial(solve *s, double length)
+{
+    s->g[LENGTH] = length;
+    run_trial(s->plan, s->fresh, s->model, s->g, s->horizon);
+}
+
 static double lowered(double exact)
 {
     return exact > SMALLEST_BLEND ? BLEND_DOWN * exact : 0.0;
@@ -210,9 +224,7 @@ static int keeps_promise(const solve *s, const course *c)
 
 static void record(const solve *s, course *c, long tick)
 {
-    const double *excess = s->g + EXCESS;
-    double penalties = RATE_PENALTY * excess[0] + TERMINAL_PENALTY * s->g[MISSED];
-    c->costs[tick] = s->cost - penalties;
+    c->costs[tick] = s->cost - s->g[PENALTIES];
     c->passes[tick] = s->total_passes;
     for (int i = 0; i < 3; ++i)
         c->torques[3 * tick + i] = s->g[APPLIED + i] = s->plan[AT(TRAJECTORY_ROWS, TORQUE + i, 0)];
@@ -237,7 +249,7 @@ long mpc_follow(solve *s, double *kept, course *c, long first)
         if (!mpc_improve(s, kept, INFINITY))
             return tick;
         mpc_report(s, s->plan);
-        if (s->g[MISSED] > c->violation || s->g[EXCESS + 1] > c->violation
+        if (s->g[MISSED] > c->violation || s->g[VIOLATION] > c->violation
             || !(s->g[MEASURE + 2] < c->near_rad || keeps_promise(s, c)))
             return tick;
         memcpy(kept, s->plan, size);

@@ -1,22 +1,29 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a local solver can do, whichever machine runs its phases."""
+"""The local solver: a trajectory under way in the memory of the compiled library.
+
+One foreign call for each part of a solve, during which other Python threads may go on. Matrices
+and vectors are dimensionless (:mod:`manifold_mpc_ros.mpc.scaling`).
+"""
 
 from __future__ import annotations
 
 import ctypes
-from abc import ABC, abstractmethod
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from manifold_mpc_ros.mpc.backends.library import Course, Library, Recording, Solve
 from manifold_mpc_ros.mpc.program import fields as f
 from manifold_mpc_ros.mpc.program import options
-from manifold_mpc_ros.mpc.program.phase import Field
-from manifold_mpc_ros.mpc.program.structure import RATE_PENALTY, TERMINAL_PENALTY, Structure
+from manifold_mpc_ros.mpc.program.field import Field, Memory
+from manifold_mpc_ros.mpc.program.layout import layout_of
+from manifold_mpc_ros.mpc.program.structure import Structure
 from manifold_mpc_ros.mpc.scaling import Array
+
+_ALIGNMENT = 64
 
 
 class Progress(NamedTuple):
@@ -28,46 +35,20 @@ class Progress(NamedTuple):
     passes: int
 
 
-NOTHING_YET = Progress(float('nan'), float('inf'), options.STALLED, 0)
-
-
-class Plan(ABC):
-    """A trajectory that was kept, with how far its solve was."""
-
-    progress: Progress = NOTHING_YET
-
-    def __init__(self, structure: Structure, horizon: int) -> None:
-        """Keep what the numbers mean."""
-        self.structure, self.horizon = structure, horizon
-
-    @abstractmethod
-    def field(self, field: Field) -> Array:
-        """Return a field (N + 1, size)."""
-
-    @property
-    def torques(self) -> Array:
-        """Torques (N, 3), dimensionless."""
-        return self.field(f.TORQUE)[:-1]
-
-
 class Report(NamedTuple):
     """Of a plan, dimensionless.
 
-    Cost of its first stage; ``xi^T P xi / c`` of its first and last node; sum and largest of the
-    relative violations of rate limits; by how much it misses the terminal set, relatively.
+    Cost of its first stage; ``xi^T P xi / c`` of its first and last node; what violations add to
+    its cost; the largest relative violation of a node's limits; by how much it misses the terminal
+    set, relatively.
     """
 
     first_cost: float
     first_level: float
     last_level: float
-    rate_excess: float
-    rate_violation: float
+    penalties: float
+    violation: float
     terminal_violation: float
-
-    @property
-    def penalties(self) -> float:
-        """What the violations add to the cost."""
-        return RATE_PENALTY * self.rate_excess + TERMINAL_PENALTY * self.terminal_violation
 
 
 class Measure(NamedTuple):
@@ -90,116 +71,167 @@ class Measure(NamedTuple):
 UNUSABLE = Measure(np.inf, np.inf, np.nan, np.nan, np.nan, np.nan)
 
 
-class Course(ctypes.Structure):
-    """A closed loop that the solver runs by itself: when to stop, and what is recorded.
+class Plan:
+    """A trajectory that was kept, in blocks of lanes, with how far its solve was."""
 
-    The struct ``course`` of driver.c. A tick is not taken when its plan violates a limit by more
-    than ``violation``, or costs more than the one before promised plus ``promise`` of it (at least
-    of ``least_promise``) with ``near_rad`` or more left to turn.
-    """
+    def __init__(self, structure: Structure, horizon: int, lanes: int) -> None:
+        """Allocate."""
+        self.progress = Progress(float('nan'), float('inf'), options.STALLED, 0)
+        self.structure, self.horizon, self._lanes = structure, horizon, lanes
+        rows = layout_of(structure).rows(Memory.TRAJECTORY)
+        self.memory = _aligned(_blocks(horizon, lanes) * rows * lanes)
+        self.address = self.memory.ctypes.data
 
-    _fields_ = [(name, kind) for kind, names in (  # type: ignore[misc]
-        (ctypes.c_double, 'near_rad violation promise least_promise promised'),
-        (ctypes.c_void_p, 'states torques costs passes'), (ctypes.c_long, 'ticks'),
-    ) for name in names.split()]
+    def field(self, field: Field) -> Array:
+        """Return a field (N + 1, size), copied."""
+        return _per_stage(self.memory, self.structure, field, self.horizon, self._lanes)
 
-
-@dataclass(frozen=True)
-class Recording:
-    """States (T, 12) (R_NB row by row, rate), torques (T, 3), costs and passes (T,)."""
-
-    states: Array
-    torques: Array
-    costs: Array
-    passes: NDArray[np.int_]
-
-    @classmethod
-    def of(cls, ticks: int) -> Recording:
-        """Allocate for so many ticks."""
-        return cls(np.zeros((ticks, 12)), np.zeros((ticks, 3)), np.zeros(ticks),
-                   np.zeros(ticks, dtype=np.int_))
-
-    def record(self, tick: int, state: Array, plan: Plan, report: Report, passes: int) -> None:
-        """Write one tick."""
-        self.states[tick], self.torques[tick] = state, plan.torques[0]
-        self.costs[tick], self.passes[tick] = plan.progress.cost - report.penalties, passes
+    @property
+    def torques(self) -> Array:
+        """Torques (N, 3), dimensionless."""
+        return self.field(f.TORQUE)[:-1]
 
 
-class LocalSolver(ABC):
+def _aligned(size: int) -> Array:
+    """Return zeros that begin at a multiple of the alignment."""
+    raw = np.zeros(size + _ALIGNMENT // 8)
+    skip = -raw.ctypes.data % _ALIGNMENT // 8
+    return raw[skip:skip + size]
+
+
+def _blocks(horizon: int, lanes: int) -> int:
+    """Return how many blocks of lanes hold N + 1 stages, one before them and one behind."""
+    return -(-(horizon + 1) // lanes) + 2
+
+
+def _per_stage(memory: Array, structure: Structure, field: Field, horizon: int, lanes: int
+               ) -> Array:
+    """Copy a field (N + 1, size) out of its memory."""
+    layout = layout_of(structure)
+    first = layout.first_row(field)
+    rows = memory.reshape(-1, layout.rows(field.memory), lanes)
+    values = rows[1:, first:first + field.size, :].transpose(0, 2, 1)
+    return values.reshape(-1, field.size)[:horizon + 1]
+
+
+class LocalSolver:
     """One trajectory under way: start it, iterate it, keep it. Not for two threads at once."""
 
-    def __init__(self, structure: Structure, horizon: int) -> None:
-        """Keep what the numbers mean."""
+    def __init__(self, library: Library, structure: Structure, horizon: int,
+                 numbers: Mapping[Field, Array]) -> None:
+        """Allocate everything that a solve needs; ``numbers`` has the problem's global fields."""
         self.structure, self.horizon = structure, horizon
+        self._library, lanes = library, library.lanes
+        layout = layout_of(structure)
+        self._sides = [Plan(structure, horizon, lanes) for _ in range(2)]
+        self._model = _aligned(_blocks(horizon, lanes) * layout.rows(Memory.MODEL) * lanes)
+        self._globals = _aligned(layout.rows(Memory.GLOBAL))
+        self._first = {field: layout.first_row(field) for field in layout.fields(Memory.GLOBAL)}
+        self._measured, self._measure = self._first[f.MEASURED], self._first[f.MEASURE]
+        self._report = self._first[f.FIRST_COST]
+        for field, values in numbers.items():
+            self._global(field)[:] = values
+        self._start = self._global(f.START)
+        self._lean = np.zeros(3)
+        self._solve = Solve(
+            plan=self._sides[0].address, fresh=self._sides[1].address,
+            model=self._model.ctypes.data, g=self._globals.ctypes.data, horizon=horizon)
+        self._address = ctypes.byref(self._solve)
+        self._lean_address = self._lean.ctypes.data
+        library.prepare(self._address)
 
-    @abstractmethod
+    def _global(self, field: Field) -> Array:
+        """Return a global field, to be written to."""
+        first = self._first[field]
+        return self._globals[first:first + field.size]
+
     def measure(self, R_NB: Array, R_ND: Array, omega: Array) -> Measure:
         """Set the state from attitude, commanded attitude (3, 3) and dimensionless rate (3,)."""
+        g, first = self._globals, self._measured
+        g[first:first + 9] = R_NB.ravel()
+        g[first + 9:first + 18] = R_ND.ravel()
+        g[first + 18:first + 21] = omega
+        if not math.isfinite(g[first:first + 21].sum()):
+            return UNUSABLE
+        self._library.measure(self._address)
+        return Measure(*g[self._measure:self._measure + 6].tolist())
 
-    @abstractmethod
     def flip(self) -> None:
         """Turn the sign of the starting quaternion: the slew goes the other way round."""
+        self._start[:4] *= -1.0
 
-    @abstractmethod
     def begin_slew(self, mu: float, lean: Array, lean_steps: int) -> None:
         """Start from the slew law, leaning for the first steps, with barrier parameter mu."""
+        self._lean[:] = lean
+        self._library.begin_slew(self._address, mu, self._lean_address, lean_steps)
 
-    @abstractmethod
     def begin_shift(self, mu: float, plan: Plan) -> None:
         """Start from a plan, one stage ahead."""
+        self._library.begin_shift(self._address, mu, plan.address)
 
-    @abstractmethod
     def iterate(self, most: int, deadline_s: float = np.inf) -> None:
         """Run up to ``most`` passes in all, until it ends or time.monotonic is at the deadline."""
+        self._library.iterate(self._address, most, deadline_s)
 
-    @abstractmethod
     def improve(self, plan: Plan, deadline_s: float = np.inf) -> int:
         """Improve a plan, one stage ahead; return the passes, negative when none converged.
 
         A plan that time has run out for counts as converged.
         """
+        usable = self._library.improve(self._address, plan.address, deadline_s)
+        passes = int(self._solve.total_passes)
+        return passes if usable else -passes
 
-    @abstractmethod
     def set_body(self, inertia: Array, torque: Array) -> None:
         """Set the body that `follow` and `advance` move: inertia (3, 3), disturbance (3,)."""
+        self._global(f.BODY)[:] = np.concatenate([inertia.ravel(), torque])
 
-    @abstractmethod
     def state(self) -> Array:
         """Return the state (12,): R_NB row by row and dimensionless rate."""
+        measured = self._global(f.MEASURED)
+        return np.concatenate([measured[:9], measured[18:]])
 
-    @abstractmethod
     def advance(self, torque: Array) -> None:
         """Move the state on by one step of the body under a torque (3,)."""
+        self._global(f.APPLIED)[:] = torque
+        self._library.advance(self._address)
 
-    @abstractmethod
     def follow(self, plan: Plan, course: Course, recording: Recording, first: int) -> int:
-        """Close the loop from tick ``first`` on, ``plan`` kept up to date.
+        """Close the loop from tick ``first`` on without Python, ``plan`` kept up to date.
 
         Return the first tick that needs more than a warm start, or the number of ticks.
         """
+        for name in ('states', 'torques', 'costs', 'passes'):
+            setattr(course, name, getattr(recording, name).ctypes.data)
+        return int(self._library.follow(
+            self._address, plan.address, ctypes.byref(course), first))
 
     @property
-    @abstractmethod
     def progress(self) -> Progress:
         """How far the solve is."""
+        s = self._solve
+        return Progress(s.cost, max(s.stationarity, s.products), s.flag, s.passes)
 
     @property
-    @abstractmethod
     def elapsed_s(self) -> float:
         """Time that starts and passes have taken so far [s]."""
+        return float(self._solve.elapsed_s)
 
-    @abstractmethod
     def new_plan(self) -> Plan:
         """Return memory for a plan."""
+        return Plan(self.structure, self.horizon, self._library.lanes)
 
-    @abstractmethod
     def keep(self, plan: Plan) -> None:
         """Copy the trajectory into a plan."""
+        side = next(side for side in self._sides if side.address == self._solve.plan)
+        np.copyto(plan.memory, side.memory)
+        plan.progress = self.progress
 
-    @abstractmethod
     def report(self, plan: Plan) -> Report:
         """Say what the caller of a solve wants to know of a plan."""
+        self._library.report(self._address, plan.address)
+        return Report(*self._globals[self._report:self._report + 6].tolist())
 
-    @abstractmethod
     def poses(self) -> Array:
         """Return R_NB row by row and dimensionless rate (N + 1, 12) of the plan reported last."""
+        return _per_stage(self._model, self.structure, f.POSE, self.horizon, self._library.lanes)

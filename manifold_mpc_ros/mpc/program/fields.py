@@ -1,15 +1,15 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The solver's memory: every field with its size and where it lives.
+"""The solver's memory: every field that all problems have, with its size and where it lives.
 
-A trajectory has nodes k = 0..N (attitude, momentum, free step, rate limits) and stages
-k = 0..N-1 (step, torque, torque limits). Inequalities carry slack y, elastic t and multiplier s.
-Dimensionless throughout (:mod:`.scaling`).
+A trajectory has nodes k = 0..N (attitude, momentum, free step) and stages k = 0..N-1 (step,
+torque). The fields of an inequality are in its object (:mod:`manifold_mpc_ros.mpc.stages`).
+Dimensionless throughout (:mod:`manifold_mpc_ros.mpc.scaling`).
 """
 
 from __future__ import annotations
 
-from manifold_mpc_ros.mpc.program.phase import Field, Memory
+from manifold_mpc_ros.mpc.program.field import Field, Memory
 from manifold_mpc_ros.mpc.scaling import PARAMETERS
 
 _PLAN, _MODEL, _GLOBAL = Memory.TRAJECTORY, Memory.MODEL, Memory.GLOBAL
@@ -21,22 +21,17 @@ MOMENTUM = Field('momentum', 3, _PLAN)
 FREE = Field('free', 4, _PLAN)
 STEP = Field('step', 4, _PLAN)
 TORQUE = Field('torque', 3, _PLAN)
-TORQUE_SLACK, TORQUE_DUAL = Field('torque_slack', 6, _PLAN), Field('torque_dual', 6, _PLAN)
-RATE_SLACK, RATE_DUAL = Field('rate_slack', 6, _PLAN), Field('rate_dual', 6, _PLAN)
-RATE_ELASTIC = Field('rate_elastic', 6, _PLAN)
-LEVEL = Field('level', 3, _PLAN)    # terminal set at k = N: y, t, s
-TRAJECTORY = (ATTITUDE, MOMENTUM, FREE, STEP, TORQUE, TORQUE_SLACK, TORQUE_DUAL, RATE_SLACK,
-              RATE_ELASTIC, RATE_DUAL, LEVEL)
 
 # Model of one pass. ``inner`` is 1 for k < N and 0 at N, ``later`` 1 for k > 0 and 0 at 0.
 INNER, LATER = Field('inner', 1, _MODEL), Field('later', 1, _MODEL)
 PULL = Field('pull', 3, _MODEL)            # torque gradient of the barrier model
 FORCE = Field('force', 3, _MODEL)          # torque gradient of the Lagrangian
 FORCE_SIZE = Field('force_size', 1, _MODEL)
-TORQUE_WEIGHT = Field('torque_weight', 3, _MODEL)
+TORQUE_WEIGHT = Field('torque_weight', 3, _MODEL)  # diagonal of the limits' Hessian
 PRODUCTS = Field('products', 1, _MODEL)    # largest complementarity product of a stage
-RATE_PRODUCTS = Field('rate_products', 1, _MODEL)
+NODE_PRODUCTS = Field('node_products', 1, _MODEL)
 TURN_GRADIENT, TURN_HESSIAN = Field('turn_gradient', 3, _MODEL), Field('turn_hessian', 6, _MODEL)
+TURN_FORCE = Field('turn_force', 3, _MODEL)  # of the Lagrangian, where limits depend on it
 MOVE_GRADIENT, MOVE_HESSIAN = Field('move_gradient', 3, _MODEL), Field('move_hessian', 6, _MODEL)
 MOVE_FORCE = Field('move_force', 3, _MODEL)
 AFTER = Field('after', 9, _MODEL)          # d m+ by the spatial increment of the step
@@ -86,11 +81,12 @@ MEASURE = Field('measure', 6, _GLOBAL)
 # that is applied, dimensionless.
 BODY = Field('body', 12, _GLOBAL)
 APPLIED = Field('applied', 3, _GLOBAL)
-# Report of a plan: cost of the first stage, xi^T P xi / c at both ends, sum and largest of the
-# rate limits' relative violations, by how much the terminal set is missed; R_NB and rate of a
-# node.
+# Report of a plan: cost of the first stage, xi^T P xi / c at both ends; what violations add to the
+# cost, the largest relative violation at a node, by how much the terminal set is missed; R_NB and
+# rate of a node.
 FIRST_COST = Field('first_cost', 1, _GLOBAL)
 FIRST_LEVEL, LAST_LEVEL = Field('first_level', 1, _GLOBAL), Field('last_level', 1, _GLOBAL)
-EXCESS = Field('excess', 2, _GLOBAL)
+PENALTIES = Field('penalties', 1, _GLOBAL)
+VIOLATION = Field('violation', 1, _GLOBAL)
 MISSED = Field('missed', 1, _GLOBAL)
 POSE = Field('pose', 12, _MODEL)

@@ -7,24 +7,39 @@ from __future__ import annotations
 from functools import cache
 
 from manifold_mpc_ros.mpc.program import fields
-from manifold_mpc_ros.mpc.program.phase import Field, Memory
+from manifold_mpc_ros.mpc.program.field import Field, Memory
+from manifold_mpc_ros.mpc.program.structure import Structure
+from manifold_mpc_ros.mpc.stages.inequalities import inequalities_of
+
+_COMMON = tuple(value for value in vars(fields).values() if isinstance(value, Field))
+
+
+class Layout:
+    """The fields of a structure: those of every problem, then those of its inequalities."""
+
+    def __init__(self, structure: Structure) -> None:
+        """Give every field its rows."""
+        own = (field for inequality in inequalities_of(structure) for field in inequality.fields)
+        self._first: dict[Field, int] = {}
+        self._rows = dict.fromkeys(Memory, 0)
+        for field in (*_COMMON, *own):
+            self._first[field] = self._rows[field.memory]
+            self._rows[field.memory] += field.size
+
+    def fields(self, memory: Memory) -> tuple[Field, ...]:
+        """Return the fields of one memory, in the order in which they lie."""
+        return tuple(field for field in self._first if field.memory is memory)
+
+    def rows(self, memory: Memory) -> int:
+        """Return how many numbers one stage of a memory has."""
+        return self._rows[memory]
+
+    def first_row(self, field: Field) -> int:
+        """Return the row at which a field begins in its memory."""
+        return self._first[field]
 
 
 @cache
-def memory_fields(memory: Memory) -> tuple[Field, ...]:
-    """Return the fields of one memory, in the order in which they lie."""
-    found = (value for value in vars(fields).values() if isinstance(value, Field))
-    return tuple(field for field in found if field.memory is memory)
-
-
-@cache
-def rows_of(memory: Memory) -> int:
-    """Return how many numbers one stage of a memory has."""
-    return sum(field.size for field in memory_fields(memory))
-
-
-@cache
-def first_row(field: Field) -> int:
-    """Return the row at which a field begins in its memory."""
-    before = memory_fields(field.memory)
-    return sum(other.size for other in before[:before.index(field)])
+def layout_of(structure: Structure) -> Layout:
+    """Return the layout of a structure."""
+    return Layout(structure)

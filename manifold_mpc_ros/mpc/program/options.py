@@ -1,11 +1,11 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The numbers that decide about a pass, shared by both drivers."""
+"""The numbers that decide about a pass."""
 
 from __future__ import annotations
 
-from manifold_mpc_ros.mpc.stages.barrier import BOUNDARY
-
+# Fraction of the way to a bound that one step may go.
+BOUNDARY = 0.995
 # Stop when stationarity and complementarity are below this (dimensionless).
 TOLERANCE = 1e-8
 # Stationarity is relative to the largest torque gradient where that exceeds this: with short steps
@@ -53,7 +53,7 @@ def constants() -> dict[str, float]:
     """Return the numbers by name, for the C driver."""
     names = [name for name, value in globals().items()
              if name.isupper() and isinstance(value, float)]
-    return {name: globals()[name] for name in names} | {'BOUNDARY': BOUNDARY}
+    return {name: globals()[name] for name in names}
 
 
 def warm_starts() -> str:

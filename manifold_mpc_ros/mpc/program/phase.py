@@ -5,8 +5,7 @@
 A pass over the horizon is a sequence of phases. Each is one CasADi function of a stage k, with
 declared reads and writes, run over a range of stages in a declared order: all at once (``ALL``,
 no stage needs another's result), or one after another with values carried along in globals. The C
-driver's loops (:mod:`.lanes`, stages in vector lanes) and the virtual machine's graphs
-(:mod:`.virtual`) are both made from this list, so there is one copy of each formula.
+code (:mod:`manifold_mpc_ros.mpc.backends.code_generation`) is printed from this list.
 """
 
 from __future__ import annotations
@@ -17,6 +16,8 @@ from typing import NamedTuple, TypeAlias
 
 import casadi as ca
 
+from manifold_mpc_ros.mpc.program.field import Field, Memory
+
 
 class Order(Enum):
     """How the stages of a phase follow each other."""
@@ -24,22 +25,6 @@ class Order(Enum):
     ALL = 'all'
     FORWARD = 'forward'
     BACKWARD = 'backward'
-
-
-class Memory(Enum):
-    """Where a field lives: two trajectories that swap, the model of a pass, or globals."""
-
-    TRAJECTORY = 'trajectory'
-    MODEL = 'model'
-    GLOBAL = 'global'
-
-
-class Field(NamedTuple):
-    """A vector of ``size`` at every stage, or once (``GLOBAL``)."""
-
-    name: str
-    size: int
-    memory: Memory
 
 
 class Ref(NamedTuple):

@@ -19,6 +19,7 @@ from manifold_mpc_ros.mpc.stages import (
     riccati,
     terminal,
 )
+from manifold_mpc_ros.mpc.stages.inequalities import torque_inequalities
 
 
 class Program(NamedTuple):
@@ -51,7 +52,7 @@ def program_of(structure: Structure) -> Program:
         node = quadratic_model.paper_node_phase(s)
         transition = quadratic_model.paper_transition_phase()
     gather, begin_terminal = merit.gather_phase(s), initial_guess.begin_terminal_phase(s)
-    reach = (riccati.largest_reach_phase(),) if s.torque_box else ()
+    reach = (riccati.largest_reach_phase(),) if torque_inequalities(s) else ()
     return Program(
         measure=(initial_state.measure_phase(s),),
         slew=(initial_guess.slew_phase(s),),

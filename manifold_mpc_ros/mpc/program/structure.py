@@ -1,22 +1,23 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the generated code depends on, and the two constants that its inequalities share."""
+"""What the generated code depends on; all numbers, and the horizon, are run-time values."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-# Cost of one unit of relative violation of a rate limit and of the terminal level, in units
-# of tr(Qg)/3: exact penalties as long as they exceed the multipliers of the hard problem.
-RATE_PENALTY = 1e4
-TERMINAL_PENALTY = 1e3
-
 
 class Structure(NamedTuple):
-    """What the generated code depends on; all numbers, and the horizon, are run-time values."""
+    """Forcing, target, and which inequalities there are.
+
+    ``rows`` has (name, number of values) of each inequality that the problem has, in the order of
+    the table :data:`manifold_mpc_ros.mpc.stages.inequalities.KINDS`.
+    """
 
     symmetric: bool
-    torque_box: bool
-    rate_box: bool
-    terminal_set: bool
-    pointing: bool = False
+    pointing: bool
+    rows: tuple[tuple[str, int], ...] = ()
+
+    def has(self, name: str) -> bool:
+        """Return whether the problem has the inequality of a name."""
+        return any(name == present for present, _ in self.rows)

@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import casadi as ca
 
-# Fraction of the way to a bound that one step may go.
-BOUNDARY = 0.995
+from manifold_mpc_ros.mpc.program.options import BOUNDARY
+
 # Multipliers stay within this factor of mu / slack (as in primal-dual methods at large).
 MULTIPLIER_SPREAD = 1e8
 # Multipliers of elastic inequalities start at most here (dimensionless cost per relative unit).
@@ -76,25 +76,25 @@ def largest(*values: ca.SX) -> ca.SX:
 
 def most(values: ca.SX) -> ca.SX:
     """Return the largest entry."""
-    return _fold(ca.fmax, [values[i] for i in range(values.numel())])
+    return join(ca.fmax, [values[i] for i in range(values.numel())])
 
 
 def least(values: ca.SX) -> ca.SX:
     """Return the smallest entry."""
-    return _fold(ca.fmin, [values[i] for i in range(values.numel())])
+    return join(ca.fmin, [values[i] for i in range(values.numel())])
 
 
-def _fold(join: Callable[[ca.SX, ca.SX], ca.SX], entries: list[ca.SX]) -> ca.SX:
+def join(pair: Callable[[ca.SX, ca.SX], ca.SX], entries: list[ca.SX]) -> ca.SX:
     """Join entries pairwise, which leaves short chains of operations."""
     while len(entries) > 1:
-        pairs = [join(a, b) for a, b in zip(entries[::2], entries[1::2])]
+        pairs = [pair(a, b) for a, b in zip(entries[::2], entries[1::2])]
         entries = pairs + entries[2 * len(pairs):]
     return entries[0]
 
 
 def product(values: ca.SX) -> ca.SX:
     """Return the product of the entries."""
-    return _fold(operator.mul, [values[i] for i in range(values.numel())])
+    return join(operator.mul, [values[i] for i in range(values.numel())])
 
 
 def advance_multiplier(bounds: Bounds, change: ca.SX, alpha: ca.SX, mu: ca.SX,

@@ -18,18 +18,23 @@ import casadi as ca
 from manifold_mpc_ros.dynamics.symbolic import solve_3x3
 from manifold_mpc_ros.lie.symbolic import quaternion_product
 from manifold_mpc_ros.mpc.program import fields as f
-from manifold_mpc_ros.mpc.program.phase import Field, Order, Phase, Read, phase
-from manifold_mpc_ros.mpc.program.structure import RATE_PENALTY, TERMINAL_PENALTY, Structure
+from manifold_mpc_ros.mpc.program.field import Field
+from manifold_mpc_ros.mpc.program.phase import Order, Phase, Read, phase
+from manifold_mpc_ros.mpc.program.structure import Structure
 from manifold_mpc_ros.mpc.scaling import Parameters, unpack
 from manifold_mpc_ros.mpc.stages import merit
 from manifold_mpc_ros.mpc.stages import step_derivatives as form
-from manifold_mpc_ros.mpc.stages.barrier import (
-    LARGEST_START_MULTIPLIER,
-    box,
-    elastic_start,
-    product,
-)
+from manifold_mpc_ros.mpc.stages.barrier import elastic_start, product
 from manifold_mpc_ros.mpc.stages.implicit_step import implicit_step
+from manifold_mpc_ros.mpc.stages.inequalities import (
+    node_inequalities,
+    rate_box,
+    rate_inequalities,
+    terminal_level,
+    torque_box,
+    torque_inequalities,
+)
+from manifold_mpc_ros.mpc.stages.quadratic_model import node_at
 from manifold_mpc_ros.mpc.stages.terminal import coordinates, error_vector, form_of
 
 # Fractions of the limits that a starting trajectory uses.
@@ -41,8 +46,6 @@ _FREE_RATE = 0.7
 _GUARD_FRACTION = 0.6
 # Largest distance of a starting torque from its limit, as a fraction of it.
 _LARGEST_MARGIN = 0.1
-# Multipliers of a shifted plan stay above the central ones divided by this.
-_WARM_SPREAD = 10.0
 
 
 def _continuous_log(q: ca.SX) -> ca.SX:
@@ -52,43 +55,43 @@ def _continuous_log(q: ca.SX) -> ca.SX:
     return 2 * ca.atan2(sine, q[0]) / sine * v
 
 
-def slew_torque(structure: Structure, q: ca.SX, omega: ca.SX, lean: ca.SX, p: Parameters
+def slew_torque(structure: Structure, q: ca.SX, omega: ca.SX, p: Parameters, read: Read
                 ) -> ca.SX:
-    """Map (q, omega, lean (3,)) to a torque: the local law with its rate capped for braking."""
+    """Map (q, omega) to a torque: the local law with its rate capped for braking, or a lean."""
+    lean, max_torque = read(f.LEAN), torque_box(structure, read)
     error = _continuous_log(q)
     if structure.pointing:
         error = error_vector(q, True, p)
-        if not structure.torque_box:
+        if max_torque is None:
             aside = ca.norm_2(error) * lean
             error = ca.if_else(ca.dot(lean, lean) > 0, aside, error)
     length = ca.sqrt(ca.dot(error, error) + 1e-30)
     axis = error / length
     cap = ca.fmin(_FREE_RATE, _GUARD_FRACTION * p.guard / ca.norm_2(p.inertia @ axis))
-    if structure.torque_box:
-        effort = p.inertia @ axis / p.max_torque
+    if max_torque is not None:
+        effort = p.inertia @ axis / max_torque
         braking = 1 / ca.sqrt(ca.dot(effort, effort))
         cap = ca.fmin(cap, ca.sqrt(2 * _BRAKING_FRACTION * braking * length))
-    if structure.rate_box:
-        share = axis / p.max_rate
-        cap = ca.fmin(cap, _RATE_FRACTION / ca.sqrt(ca.dot(share, share)))
+    for each in rate_inequalities(structure):
+        cap = ca.fmin(cap, _RATE_FRACTION * each.largest_rate(read, axis))
     by_angle, by_rate = p.terminal_gain[:, 0:3], p.terminal_gain[:, 3:6]
     wanted = by_angle @ error
     natural = solve_3x3(by_rate, wanted)
     shrink = ca.fmin(1, cap / ca.sqrt(ca.dot(natural, natural) + 1e-30))
     torque = shrink * wanted + by_rate @ omega
-    if structure.torque_box:
-        torque = ca.if_else(ca.dot(lean, lean) > 0, _lean_torque(structure, omega, lean, p),
-                            torque)
-        torque = _clip(torque, _TORQUE_FRACTION * p.max_torque)
+    if max_torque is not None:
+        torque = ca.if_else(
+            ca.dot(lean, lean) > 0,
+            _lean_torque(lean * max_torque, omega, p, rate_box(structure, read)), torque)
+        torque = _clip(torque, _TORQUE_FRACTION * max_torque)
     return torque
 
 
-def _lean_torque(structure: Structure, omega: ca.SX, lean: ca.SX, p: Parameters) -> ca.SX:
+def _lean_torque(leaning: ca.SX, omega: ca.SX, p: Parameters, max_rate: ca.SX | None) -> ca.SX:
     """Return the torque of an octant, as far as the rate limits leave room."""
-    leaning = lean * p.max_torque
-    if not structure.rate_box:
+    if max_rate is None:
         return leaning
-    room, inertia = _RATE_FRACTION * p.max_rate, ca.diag(p.inertia)
+    room, inertia = _RATE_FRACTION * max_rate, ca.diag(p.inertia)
     return ca.fmin(ca.fmax(leaning, inertia * (-room - omega)), inertia * (room - omega))
 
 
@@ -127,9 +130,10 @@ def _advanced(structure: Structure, node: _Node, u: ca.SX, p: Parameters,
         quaternion_product(node.attitude, step), after)}
 
 
-def _inside(structure: Structure, u: ca.SX, margin: ca.SX, p: Parameters) -> ca.SX:
+def _inside(structure: Structure, u: ca.SX, margin: ca.SX, read: Read) -> ca.SX:
     """Return a torque that keeps the margin, a fraction of the limits, from them."""
-    return _clip(u, (1 - margin) * p.max_torque) if structure.torque_box else u
+    max_torque = torque_box(structure, read)
+    return u if max_torque is None else _clip(u, (1 - margin) * max_torque)
 
 
 def _cold_margin(mu: ca.SX) -> ca.SX:
@@ -143,8 +147,8 @@ def slew_phase(structure: Structure) -> Phase:
         p = unpack(read(f.PARAMETER))
         node = _reached(read, p)
         omega = p.inertia_inverse @ node.momentum
-        u = slew_torque(structure, node.attitude, omega, read(f.LEAN), p)
-        u = _inside(structure, u, _cold_margin(read(f.BARRIER)), p)
+        u = slew_torque(structure, node.attitude, omega, p, read)
+        u = _inside(structure, u, _cold_margin(read(f.BARRIER)), read)
         return _advanced(structure, node, u, p)
 
     return phase('roll_slew', expression, order=Order.FORWARD, beyond=1)
@@ -158,11 +162,9 @@ def shift_phase(structure: Structure) -> Phase:
     def expression(read: Read) -> dict[Field, ca.SX]:
         p, u = unpack(read(f.PARAMETER)), read(f.TORQUE, 1)
         node = _reached(read, p, read(f.FREE, 1))
-        if structure.torque_box:
-            margin = ca.fmin(_LARGEST_MARGIN, read(f.BARRIER) / read(f.TORQUE_DUAL, 1))
-            ratio = u / p.max_torque
-            ratio = ca.fmin(ca.fmax(ratio, margin[3:6] - 1), 1 - margin[0:3])
-            u = ratio * p.max_torque
+        for each in torque_inequalities(structure):
+            u = each.inside(read, u, ca.fmin(
+                _LARGEST_MARGIN, read(f.BARRIER) / read(each.multiplier, 1)))
         guess = read(f.STEP, 1) if structure.symmetric else None
         return _advanced(structure, node, u, p, guess)
 
@@ -175,56 +177,45 @@ def local_phase(structure: Structure) -> Phase:
         p = unpack(read(f.PARAMETER))
         node = _reached(read, p)
         xi = coordinates(node.attitude, node.free, structure.pointing, p)
-        u = _inside(structure, p.terminal_gain @ xi, _cold_margin(read(f.BARRIER)), p)
+        u = _inside(structure, p.terminal_gain @ xi, _cold_margin(read(f.BARRIER)), read)
         return _advanced(structure, node, u, p)
 
     return phase('roll_local', expression, order=Order.FORWARD, beyond=1, last=2)
 
 
 def _node_phase(structure: Structure, name: str, *, warm: bool) -> Phase:
-    """Put the barrier variables of a node's rate limits near the central path of mu."""
+    """Put the barrier variables of a node's limits near the central path of mu."""
     def expression(read: Read) -> dict[Field, ca.SX]:
-        p, mu = unpack(read(f.PARAMETER)), read(f.BARRIER)
-        cost = read(f.INNER) * merit.state_cost(read.new(f.ATTITUDE), read.new(f.FREE), p)
-        if not structure.rate_box:
-            return {f.COST_NODE: cost}
-        omega = p.inertia_inverse @ read.new(f.MOMENTUM)
-        y, t, s = elastic_start(box(omega, p.max_rate), mu, RATE_PENALTY)
-        if warm:
-            s = ca.if_else(read(f.INNER) != 0, _kept(read(f.RATE_DUAL, 1), mu, y), s)
-        return {f.COST_NODE: cost, f.RATE_SLACK: y, f.RATE_ELASTIC: t, f.RATE_DUAL: s,
-                **merit.rate_merit(read(f.LATER), y, t)}
+        p = unpack(read(f.PARAMETER))
+        writes = {f.COST_NODE: read(f.INNER) * merit.state_cost(
+            read.new(f.ATTITUDE), read.new(f.FREE), p)}
+        for each in node_inequalities(structure):
+            writes |= each.begin(read, node_at(read, p, new=True), warm=warm)
+        return writes | merit.node_merit(structure, read(f.LATER), writes)
 
     return phase(name, expression, beyond=1)
 
 
-def _kept(s: ca.SX, mu: ca.SX, y: ca.SX) -> ca.SX:
-    """Return the multiplier of the old plan, not far below the central path."""
-    return ca.fmin(ca.fmax(s, mu / y / _WARM_SPREAD), LARGEST_START_MULTIPLIER)
-
-
 def cold_node_phase(structure: Structure) -> Phase:
-    """Begin the rate limits of a node."""
+    """Begin the limits of a node."""
     return _node_phase(structure, 'cold_node', warm=False)
 
 
 def warm_node_phase(structure: Structure) -> Phase:
-    """Begin the rate limits of a node with the multipliers of the plan before."""
+    """Begin the limits of a node with the multipliers of the plan before."""
     return _node_phase(structure, 'warm_node', warm=True)
 
 
 def _stage_phase(structure: Structure, name: str, *, warm: bool) -> Phase:
     """Put the barrier variables of a stage's torque limits near the central path of mu."""
     def expression(read: Read) -> dict[Field, ca.SX]:
-        p, u, mu = unpack(read(f.PARAMETER)), read.new(f.TORQUE), read(f.BARRIER)
+        p, u = unpack(read(f.PARAMETER)), read.new(f.TORQUE)
         writes = {f.COST_STAGE: merit.torque_cost(u, p), f.SOUND_STAGE: ca.SX(1)}
-        if structure.torque_box:
-            y = -box(u, p.max_torque)
-            s = mu / y
-            if warm:
-                kept = ca.fmax(read(f.TORQUE_DUAL, 1), mu / y / _WARM_SPREAD)
-                s = ca.if_else(read(f.INNER, 1) != 0, kept, s)
-            writes |= {f.TORQUE_SLACK: y, f.TORQUE_DUAL: s, f.SLACKS_STAGE: product(y)}
+        limits = torque_inequalities(structure)
+        for each in limits:
+            writes |= each.begin(read, u, warm=warm)
+        if limits:
+            writes[f.SLACKS_STAGE] = product(ca.vertcat(*(writes[each.slack] for each in limits)))
         return writes
 
     return phase(name, expression)
@@ -245,9 +236,11 @@ def begin_terminal_phase(structure: Structure) -> Phase:
     def expression(read: Read) -> dict[Field, ca.SX]:
         p = unpack(read(f.PARAMETER))
         value = form_of(read.new(f.ATTITUDE), read.new(f.FREE), structure.pointing, p)
-        if not structure.terminal_set:
+        limit = terminal_level(structure)
+        if limit is None:
             return {f.SUMS: ca.vertcat(value / 2, 0, 1)}
-        level = elastic_start(value / p.terminal_level - 1, read(f.BARRIER), TERMINAL_PENALTY)
-        return {f.LEVEL: ca.vertcat(*level), f.SUMS: merit.terminal_sums(value, *level[:2])}
+        y, t, s = elastic_start(value / p.terminal_level - 1, read(f.BARRIER), limit.penalty)
+        return {limit.slack: y, limit.elastic: t, limit.multiplier: s,
+                f.SUMS: merit.terminal_sums(value, limit, y, t)}
 
     return phase('begin_terminal', expression, beyond=1, last=1)

@@ -8,10 +8,12 @@ import casadi as ca
 
 from manifold_mpc_ros.lie.symbolic import quaternion_from_rotation, rotation_from_quaternion
 from manifold_mpc_ros.mpc.program import fields as f
-from manifold_mpc_ros.mpc.program.phase import Field, Phase, Read, phase
+from manifold_mpc_ros.mpc.program.field import Field
+from manifold_mpc_ros.mpc.program.phase import Phase, Read, phase
 from manifold_mpc_ros.mpc.program.structure import Structure
 from manifold_mpc_ros.mpc.scaling import Parameters, unpack
 from manifold_mpc_ros.mpc.stages.barrier import largest, least, most
+from manifold_mpc_ros.mpc.stages.inequalities import torque_box
 
 
 def row_by_row(entries: ca.SX) -> ca.SX:
@@ -25,17 +27,18 @@ def _defect(rotation: ca.SX) -> ca.SX:
     return ca.fmax(orthogonality, ca.if_else(ca.det(rotation) > 0, 0, 2))
 
 
-def _hardness(structure: Structure, v: ca.SX, omega: ca.SX, p: Parameters
+def _hardness(structure: Structure, v: ca.SX, omega: ca.SX, p: Parameters, read: Read
               ) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Return braking angle, second torque and weakness (see `solver.Measure`)."""
-    if not structure.torque_box:
+    """Return braking angle, second torque and weakness (see `local_solver.Measure`)."""
+    max_torque = torque_box(structure, read)
+    if max_torque is None:
         return ca.SX(0), ca.SX(1), ca.SX(1)
     axis = v / ca.sqrt(ca.dot(v, v) + 1e-30)
-    effort = ca.fabs(p.inertia @ axis / p.max_torque)
+    effort = ca.fabs(p.inertia @ axis / max_torque)
     highest, lowest = most(effort), least(effort)
     second = ca.sum1(effort) - highest - lowest
-    quickest = most(p.max_torque / ca.diag(p.inertia))
-    braking = ca.norm_2(omega) * most(ca.fabs(p.inertia @ omega / p.max_torque)) / 2
+    quickest = most(max_torque / ca.diag(p.inertia))
+    braking = ca.norm_2(omega) * most(ca.fabs(p.inertia @ omega / max_torque)) / 2
     return braking, second / highest, quickest * highest
 
 
@@ -55,6 +58,6 @@ def measure_phase(structure: Structure) -> Phase:
         return {f.START: ca.vertcat(q, momentum),
                 f.MEASURE: ca.vertcat(ca.fmax(_defect(attitude), _defect(target)),
                                       ca.dot(momentum, momentum), angle,
-                                      *_hardness(structure, v, measured[18:21], p))}
+                                      *_hardness(structure, v, measured[18:21], p, read))}
 
     return phase('measure', expression, only=1)

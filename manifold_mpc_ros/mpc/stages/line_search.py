@@ -12,22 +12,22 @@ import casadi as ca
 
 from manifold_mpc_ros.lie.symbolic import quaternion_product, rotation_from_quaternion
 from manifold_mpc_ros.mpc.program import fields as f
-from manifold_mpc_ros.mpc.program.phase import Field, Order, Phase, Read, phase
-from manifold_mpc_ros.mpc.program.structure import RATE_PENALTY, TERMINAL_PENALTY, Structure
+from manifold_mpc_ros.mpc.program.field import Field
+from manifold_mpc_ros.mpc.program.options import BOUNDARY
+from manifold_mpc_ros.mpc.program.phase import Order, Phase, Read, phase
+from manifold_mpc_ros.mpc.program.structure import Structure
 from manifold_mpc_ros.mpc.scaling import unpack
 from manifold_mpc_ros.mpc.stages import merit
 from manifold_mpc_ros.mpc.stages import step_derivatives as form
-from manifold_mpc_ros.mpc.stages.barrier import (
-    BOUNDARY,
-    advance_elastic,
-    advance_multiplier,
-    box,
-    elastic_bounds,
-    hard_bounds,
-    least,
-    product,
-)
+from manifold_mpc_ros.mpc.stages.barrier import advance_elastic, elastic_bounds, least, product
 from manifold_mpc_ros.mpc.stages.implicit_step import implicit_step
+from manifold_mpc_ros.mpc.stages.inequalities import (
+    node_inequalities,
+    terminal_level,
+    torque_inequalities,
+)
+from manifold_mpc_ros.mpc.stages.inequality import Variation
+from manifold_mpc_ros.mpc.stages.quadratic_model import node_at
 from manifold_mpc_ros.mpc.stages.terminal import form_of
 
 # A step may turn by at most this much in one trial [rad]: it stays on its branch.
@@ -73,9 +73,9 @@ def chain_phase(structure: Structure) -> Phase:
 
 
 def node_phase(structure: Structure) -> Phase:
-    """Free step, rate limits and cost of a node."""
+    """Free step, limits and cost of a node."""
     def expression(read: Read) -> dict[Field, ca.SX]:
-        p, mu, alpha = unpack(read(f.PARAMETER)), read(f.BARRIER), read(f.LENGTH)
+        p, alpha = unpack(read(f.PARAMETER)), read(f.LENGTH)
         momentum, sound = read.new(f.MOMENTUM), ca.SX(1)
         writes: dict[Field, ca.SX] = {}
         if structure.symmetric:
@@ -84,25 +84,19 @@ def node_phase(structure: Structure) -> Phase:
         else:
             free = read.new(f.FREE)
         cost = read(f.INNER) * merit.state_cost(read.new(f.ATTITUDE), free, p)
-        if structure.rate_box:
-            moved = read(f.MOVE) if structure.symmetric else (
-                ca.reshape(read(f.AFTER), 3, 3) @ read(f.MOVE))
-            predicted = alpha * (p.inertia_inverse @ moved) / p.max_rate
-            ratio = p.inertia_inverse @ (momentum - read(f.MOMENTUM)) / p.max_rate
-            t = read(f.RATE_ELASTIC)
-            bounds = elastic_bounds(read(f.RATE_SLACK), t, read(f.RATE_DUAL), mu, RATE_PENALTY)
-            y, t, s = advance_elastic(
-                bounds, ca.vertcat(ratio, -ratio), ca.vertcat(predicted, -predicted), t, alpha,
-                mu, RATE_PENALTY)
-            writes |= {f.RATE_SLACK: y, f.RATE_ELASTIC: t, f.RATE_DUAL: s}
-            writes |= merit.rate_merit(read(f.LATER), y, t)
+        moved = read(f.MOVE) if structure.symmetric else (
+            ca.reshape(read(f.AFTER), 3, 3) @ read(f.MOVE))
+        step = Variation(alpha * read(f.TURN), alpha * (p.inertia_inverse @ moved))
+        for each in node_inequalities(structure):
+            writes |= each.advance(read, node_at(read, p, new=True), node_at(read, p), step)
+        writes |= merit.node_merit(structure, read(f.LATER), writes)
         return writes | {f.COST_NODE: cost, f.SOUND_NODE: sound}
 
     return phase('node_trial', expression, beyond=1)
 
 
 def stage_phase(structure: Structure) -> Phase:
-    """Torque, torque limits and cost of a stage."""
+    """Torque, its limits and cost of a stage."""
     def expression(read: Read) -> dict[Field, ca.SX]:
         p = unpack(read(f.PARAMETER))
         if structure.symmetric:
@@ -111,17 +105,14 @@ def stage_phase(structure: Structure) -> Phase:
             u = read.new(f.MOMENTUM, 1) - read(f.MOMENTUM_BEFORE)
         writes = {f.TORQUE: u, f.COST_STAGE: merit.torque_cost(u, p),
                   f.SOUND_STAGE: read(f.SOUND_STEP, 0 if structure.symmetric else 1)}
-        if structure.torque_box:
-            mu, alpha = read(f.BARRIER), read(f.LENGTH)
-            y = read(f.TORQUE_SLACK)
-            bounds = hard_bounds(y, read(f.TORQUE_DUAL), mu)
-            ratio = alpha * read(f.TORQUE_CHANGE) / p.max_torque
-            y_new = -box(u, p.max_torque)
-            writes |= {f.TORQUE_SLACK: y_new, f.SLACKS_STAGE: product(y_new),
-                       f.TORQUE_DUAL: advance_multiplier(
-                           bounds, ca.vertcat(ratio, -ratio), alpha, mu, y_new),
-                       f.SOUND_STAGE: ca.fmin(writes[f.SOUND_STAGE], least(
-                           y_new - (1 - BOUNDARY) / 2 * y))}
+        limits = torque_inequalities(structure)
+        for each in limits:
+            moved = each.advance(read, u)
+            writes |= moved
+            writes[f.SOUND_STAGE] = ca.fmin(writes[f.SOUND_STAGE], least(
+                moved[each.slack] - (1 - BOUNDARY) / 2 * read(each.slack)))
+        if limits:
+            writes[f.SLACKS_STAGE] = product(ca.vertcat(*(writes[each.slack] for each in limits)))
         return writes
 
     return phase('stage_trial', expression)
@@ -132,15 +123,17 @@ def terminal_phase(structure: Structure) -> Phase:
     def expression(read: Read) -> dict[Field, ca.SX]:
         p, mu, alpha = unpack(read(f.PARAMETER)), read(f.BARRIER), read(f.LENGTH)
         new = form_of(read.new(f.ATTITUDE), read.new(f.FREE), structure.pointing, p)
-        if not structure.terminal_set:
+        limit = terminal_level(structure)
+        if limit is None:
             return {f.SUMS: ca.vertcat(new / 2, 0, 1)}
         old = form_of(read(f.ATTITUDE), read(f.FREE), structure.pointing, p)
-        y, t, s = ca.vertsplit(read(f.LEVEL))
-        bounds = elastic_bounds(y, t, s, mu, TERMINAL_PENALTY)
+        t = read(limit.elastic)
+        bounds = elastic_bounds(read(limit.slack), t, read(limit.multiplier), mu, limit.penalty)
         predicted = alpha * 2 * ca.dot(read(f.FORM_GRADIENT), ca.vertcat(
             read(f.TURN), read(f.MOVE))) / p.terminal_level
-        level = advance_elastic(bounds, (new - old) / p.terminal_level, predicted, t, alpha, mu,
-                                TERMINAL_PENALTY)
-        return {f.LEVEL: ca.vertcat(*level), f.SUMS: merit.terminal_sums(new, *level[:2])}
+        y, t, s = advance_elastic(bounds, (new - old) / p.terminal_level, predicted, t, alpha, mu,
+                                  limit.penalty)
+        return {limit.slack: y, limit.elastic: t, limit.multiplier: s,
+                f.SUMS: merit.terminal_sums(new, limit, y, t)}
 
     return phase('terminal_trial', expression, beyond=1, last=1)

@@ -4,15 +4,20 @@
 
 from __future__ import annotations
 
+import operator
+
 import casadi as ca
 
 from manifold_mpc_ros.lie.symbolic import trace_hessian
 from manifold_mpc_ros.mpc.program import fields as f
-from manifold_mpc_ros.mpc.program.phase import Field, Order, Phase, Read, phase
-from manifold_mpc_ros.mpc.program.structure import RATE_PENALTY, TERMINAL_PENALTY, Structure
+from manifold_mpc_ros.mpc.program.field import Field
+from manifold_mpc_ros.mpc.program.phase import Order, Phase, Read, phase
+from manifold_mpc_ros.mpc.program.structure import Structure
 from manifold_mpc_ros.mpc.scaling import Parameters
-from manifold_mpc_ros.mpc.stages.barrier import product
+from manifold_mpc_ros.mpc.stages.barrier import join, product
+from manifold_mpc_ros.mpc.stages.inequalities import node_inequalities, torque_inequalities
 from manifold_mpc_ros.mpc.stages.quadratic_model import where
+from manifold_mpc_ros.mpc.stages.terminal_level import TerminalLevel
 
 
 def state_cost(q: ca.SX, free: ca.SX, p: Parameters) -> ca.SX:
@@ -30,15 +35,25 @@ def torque_cost(u: ca.SX, p: Parameters) -> ca.SX:
     return ca.dot(u, p.torque_hessian @ u) / 2
 
 
-def rate_merit(later: ca.SX, y: ca.SX, t: ca.SX) -> dict[Field, ca.SX]:
-    """Return penalty and barrier product of a node's rate limits; neutral at k = 0."""
-    return {f.PENALTY_NODE: where(later, RATE_PENALTY * ca.sum1(t)),
-            f.SLACKS_NODE: ca.if_else(later != 0, product(ca.vertcat(y, t)), 1)}
+def node_merit(structure: Structure, later: ca.SX, writes: dict[Field, ca.SX]
+               ) -> dict[Field, ca.SX]:
+    """Return penalty and barrier product of a node's limits; neutral at k = 0.
+
+    ``writes`` has their slacks and elastic parts.
+    """
+    limits = node_inequalities(structure)
+    if not limits:
+        return {}
+    penalty = sum(each.penalty * ca.sum1(writes[each.elastic]) for each in limits)
+    slacks = join(operator.mul, [product(ca.vertcat(writes[each.slack], writes[each.elastic]))
+                                 for each in limits])
+    return {f.PENALTY_NODE: where(later, penalty),
+            f.SLACKS_NODE: ca.if_else(later != 0, slacks, 1)}
 
 
-def terminal_sums(value: ca.SX, y: ca.SX, t: ca.SX) -> ca.SX:
+def terminal_sums(value: ca.SX, limit: TerminalLevel, y: ca.SX, t: ca.SX) -> ca.SX:
     """Return the terminal share of cost and logarithms; ``value`` is ``xi^T P xi``."""
-    return ca.vertcat(value / 2 + TERMINAL_PENALTY * t, ca.log(y * t), 1)
+    return ca.vertcat(value / 2 + limit.penalty * t, ca.log(y * t), 1)
 
 
 def gather_phase(structure: Structure) -> Phase:
@@ -48,12 +63,12 @@ def gather_phase(structure: Structure) -> Phase:
         cost = read(f.COST_NODE) + read(f.COST_STAGE)
         sound = ca.fmin(ca.fmin(read(f.SOUND_NODE), read(f.SOUND_NODE, 1)), read(f.SOUND_STAGE))
         slacks = ca.SX(1)
-        if structure.rate_box:
+        if node_inequalities(structure):
             cost += read(f.PENALTY_NODE, 1)
             slacks *= read(f.SLACKS_NODE, 1)
-        if structure.torque_box:
+        if torque_inequalities(structure):
             slacks *= read(f.SLACKS_STAGE)
-        logs = ca.log(slacks) if structure.rate_box or structure.torque_box else ca.SX(0)
+        logs = ca.SX(0) if slacks.is_constant() else ca.log(slacks)
         return {f.SUMS: ca.vertcat(sums[0] + cost, sums[1] + logs, ca.fmin(sums[2], sound))}
 
     return phase('gather', expression, order=Order.BACKWARD)

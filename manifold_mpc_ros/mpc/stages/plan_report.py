@@ -8,18 +8,20 @@ import casadi as ca
 
 from manifold_mpc_ros.lie.symbolic import rotation_from_quaternion
 from manifold_mpc_ros.mpc.program import fields as f
-from manifold_mpc_ros.mpc.program.phase import Field, Order, Phase, Read, phase
+from manifold_mpc_ros.mpc.program.field import Field
+from manifold_mpc_ros.mpc.program.phase import Order, Phase, Read, phase
 from manifold_mpc_ros.mpc.program.structure import Structure
 from manifold_mpc_ros.mpc.scaling import unpack
 from manifold_mpc_ros.mpc.stages import merit
 from manifold_mpc_ros.mpc.stages.barrier import most
+from manifold_mpc_ros.mpc.stages.inequalities import node_inequalities, terminal_level
 from manifold_mpc_ros.mpc.stages.initial_state import row_by_row
 from manifold_mpc_ros.mpc.stages.terminal import form_of
 
 
 def report_phases(structure: Structure) -> tuple[Phase, ...]:
     """Return the phases that describe a plan."""
-    return (_first_phase(structure), _violation_phase(structure), _last_phase(structure),
+    return (_first_phase(structure), *_violation_phases(structure), _last_phase(structure),
             _pose_phase())
 
 
@@ -35,28 +37,38 @@ def _first_phase(structure: Structure) -> Phase:
         p = unpack(read(f.PARAMETER))
         cost = merit.state_cost(read(f.ATTITUDE), read(f.FREE), p)
         return {f.FIRST_COST: cost + merit.torque_cost(read(f.TORQUE), p),
-                f.FIRST_LEVEL: _level(structure, read), f.EXCESS: ca.SX.zeros(2)}
+                f.FIRST_LEVEL: _level(structure, read),
+                **{each.excess: ca.SX.zeros(2) for each in node_inequalities(structure)}}
 
     return phase('report_first', expression, only=1)
 
 
-def _violation_phase(structure: Structure) -> Phase:
-    """Sum and largest of the relative violations of rate limits, from k = 1."""
+def _violation_phases(structure: Structure) -> tuple[Phase, ...]:
+    """Sum and largest of the relative violations of each kind of a node's limits, from k = 1."""
     def expression(read: Read) -> dict[Field, ca.SX]:
-        excess = read(f.EXCESS)
-        if not structure.rate_box:
-            return {f.EXCESS: excess}
-        t = read(f.RATE_ELASTIC, 1)
-        return {f.EXCESS: ca.vertcat(excess[0] + ca.sum1(t), ca.fmax(excess[1], most(t)))}
+        writes = {}
+        for each in node_inequalities(structure):
+            excess, t = read(each.excess), read(each.elastic, 1)
+            writes[each.excess] = ca.vertcat(
+                excess[0] + ca.sum1(t), ca.fmax(excess[1], most(t)))
+        return writes
 
-    return phase('report_violation', expression, order=Order.FORWARD)
+    if not node_inequalities(structure):
+        return ()
+    return (phase('report_violation', expression, order=Order.FORWARD),)
 
 
 def _last_phase(structure: Structure) -> Phase:
-    """Level of the last node, and by how much it misses the terminal set."""
+    """Level of the last node, by how much it misses the terminal set, and all penalties."""
     def expression(read: Read) -> dict[Field, ca.SX]:
-        missed = read(f.LEVEL)[1] if structure.terminal_set else ca.SX(0)
-        return {f.LAST_LEVEL: _level(structure, read), f.MISSED: missed}
+        limit, nodes = terminal_level(structure), node_inequalities(structure)
+        missed = ca.SX(0) if limit is None else read(limit.elastic)
+        penalties = sum((each.penalty * read(each.excess)[0] for each in nodes), start=ca.SX(0))
+        if limit is not None:
+            penalties += limit.penalty * missed
+        violations = [read(each.excess)[1] for each in nodes]
+        return {f.LAST_LEVEL: _level(structure, read), f.MISSED: missed, f.PENALTIES: penalties,
+                f.VIOLATION: most(ca.vertcat(*violations)) if violations else ca.SX(0)}
 
     return phase('report_last', expression, beyond=1, last=1)
 

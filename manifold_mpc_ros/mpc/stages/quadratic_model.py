@@ -28,17 +28,18 @@ from manifold_mpc_ros.lie.symbolic import (
     vee_of_skew_part,
 )
 from manifold_mpc_ros.mpc.program import fields as f
-from manifold_mpc_ros.mpc.program.phase import Field, Order, Phase, Read, phase
-from manifold_mpc_ros.mpc.program.structure import RATE_PENALTY, Structure
+from manifold_mpc_ros.mpc.program.field import Field
+from manifold_mpc_ros.mpc.program.phase import Order, Phase, Read, phase
+from manifold_mpc_ros.mpc.program.structure import Structure
 from manifold_mpc_ros.mpc.scaling import Parameters, unpack
 from manifold_mpc_ros.mpc.stages import step_derivatives as form
-from manifold_mpc_ros.mpc.stages.barrier import (
-    box_hessian,
-    box_transpose,
-    elastic_bounds,
-    hard_bounds,
-    largest,
+from manifold_mpc_ros.mpc.stages.barrier import largest
+from manifold_mpc_ros.mpc.stages.inequalities import (
+    node_inequalities,
+    of_attitude,
+    torque_inequalities,
 )
+from manifold_mpc_ros.mpc.stages.inequality import Curvature, Node, Variation
 
 
 def where(flag: ca.SX, value: ca.SX) -> ca.SX:
@@ -56,47 +57,77 @@ def force_phase(structure: Structure) -> Phase:
     def expression(read: Read) -> dict[Field, ca.SX]:
         p = unpack(read(f.PARAMETER))
         force = p.torque_hessian @ read(f.TORQUE)
-        if not structure.torque_box:
-            return {f.PULL: force, f.FORCE: force, f.FORCE_SIZE: largest(force)}
-        s = read(f.TORQUE_DUAL)
-        bounds = hard_bounds(read(f.TORQUE_SLACK), s, read(f.BARRIER))
-        return {f.FORCE_SIZE: largest(force),
-                f.PULL: force + box_transpose(bounds.pull, p.max_torque),
-                f.FORCE: force + box_transpose(s, p.max_torque),
-                f.TORQUE_WEIGHT: box_hessian(bounds.weight, p.max_torque),
-                f.PRODUCTS: largest(bounds.slack * s)}
+        writes = {f.PULL: force, f.FORCE: force, f.FORCE_SIZE: largest(force)}
+        limits = torque_inequalities(structure)
+        if limits:
+            terms = [(each, each.bounds(read)) for each in limits]
+            writes[f.TORQUE_WEIGHT] = sum(each.hessian(read, b.weight) for each, b in terms)
+            writes[f.PRODUCTS] = largest(*(b.slack * b.multiplier for _, b in terms))
+            for each, b in terms:
+                writes[f.PULL] += each.gradient(read, b.pull)
+                writes[f.FORCE] += each.gradient(read, b.multiplier)
+        return writes
 
     return phase('force', expression)
 
 
-class _RateTerms(NamedTuple):
-    """Terms of a node's rate limits by its momentum, and the largest complementarity product."""
+def node_at(read: Read, p: Parameters, *, new: bool = False) -> Node:
+    """Return what the limits of node k depend on; of the new trajectory where asked for."""
+    get = read.new if new else read
+    return Node(get(f.ATTITUDE), p.inertia_inverse @ get(f.MOMENTUM))
 
-    pull: ca.SX
-    force: ca.SX
-    hessian: ca.SX
+
+class _LimitTerms(NamedTuple):
+    """Terms of a node's limits, by its spatial turn and its momentum."""
+
+    pull: Variation
+    force: Variation
+    hessian: Curvature
     products: ca.SX
 
 
-def _rate_terms(structure: Structure, read: Read, p: Parameters) -> _RateTerms:
-    """Return the terms of the rate limits of node k."""
-    if not structure.rate_box:
-        return _RateTerms(ca.SX.zeros(3), ca.SX.zeros(3), ca.SX.zeros(3, 3), ca.SX(0))
-    s, t = read(f.RATE_DUAL), read(f.RATE_ELASTIC)
-    bounds = elastic_bounds(read(f.RATE_SLACK), t, s, read(f.BARRIER), RATE_PENALTY)
-    to_rate, weight = p.inertia_inverse, ca.diag(box_hessian(bounds.weight, p.max_rate))
-    return _RateTerms(
-        to_rate @ box_transpose(bounds.pull, p.max_rate),
-        to_rate @ box_transpose(s, p.max_rate), form.congruence(to_rate, weight @ to_rate),
-        where(read(f.LATER), largest(bounds.slack * s, (RATE_PENALTY - s) * t)))
+def _limit_terms(structure: Structure, read: Read, p: Parameters) -> _LimitTerms:
+    """Return the terms of the limits of node k, rates turned into momenta."""
+    node, to_rate = node_at(read, p), p.inertia_inverse
+    zero = Variation(ca.SX.zeros(3), ca.SX.zeros(3))
+    pull, force = zero, zero
+    products: list[ca.SX] = []
+    hessian = Curvature(ca.SX.zeros(3, 3), ca.SX.zeros(3, 3))
+    for each in node_inequalities(structure):
+        bounds = each.bounds(read)
+        s = bounds.multiplier
+        pull = _sum(pull, each.gradient(read, node, bounds.pull))
+        force = _sum(force, each.gradient(read, node, s))
+        hessian = Curvature(*(a + b for a, b in zip(
+            hessian, each.hessian(read, node, bounds.weight, s))))
+        products += each.products(read, bounds)
+    return _LimitTerms(
+        Variation(pull.turn, to_rate @ pull.rate), Variation(force.turn, to_rate @ force.rate),
+        Curvature(hessian.turn, form.congruence(to_rate, hessian.rate @ to_rate)),
+        where(read(f.LATER), largest(*products)) if products else ca.SX(0))
 
 
-def _turn_terms(g: ca.SX, read: Read, p: Parameters) -> dict[Field, ca.SX]:
-    """Return gradient and Hessian of ``tr(Qg (I - g))`` by a spatial turn."""
+def _sum(one: Variation, other: Variation) -> Variation:
+    """Return the sum of two variations."""
+    return Variation(one.turn + other.turn, one.rate + other.rate)
+
+
+def _turn_terms(structure: Structure, g: ca.SX, limits: _LimitTerms, read: Read, p: Parameters
+                ) -> dict[Field, ca.SX]:
+    """Return gradient and Hessian by a spatial turn: ``tr(Qg (I - g))``, and limits of it."""
     s, inner = g @ p.attitude_weight, read(f.INNER)
     hessian = blend(read(f.EXACT), form.left_hessian(s), trace_hessian(p.attitude_weight))
-    return {f.TURN_GRADIENT: inner * vee_of_skew_part(s),
-            f.TURN_HESSIAN: form.upper_part(inner * hessian)}
+    gradient, hessian = inner * vee_of_skew_part(s), inner * hessian
+    if not of_attitude(structure):
+        return {f.TURN_GRADIENT: gradient, f.TURN_HESSIAN: form.upper_part(hessian)}
+    return {f.TURN_GRADIENT: gradient + limits.pull.turn,
+            f.TURN_FORCE: gradient + limits.force.turn,
+            f.TURN_HESSIAN: form.upper_part(hessian + limits.hessian.turn)}
+
+
+def turn_force(structure: Structure) -> Field:
+    """Return the field of the Lagrangian's gradient by a spatial turn."""
+    return f.TURN_FORCE if of_attitude(structure) else f.TURN_GRADIENT
 
 
 def paper_node_phase(structure: Structure) -> Phase:
@@ -105,15 +136,15 @@ def paper_node_phase(structure: Structure) -> Phase:
         p, inner = unpack(read(f.PARAMETER)), read(f.INNER)
         g = rotation_from_quaternion(read(f.ATTITUDE))
         turn = rotation_from_quaternion(read(f.FREE))
-        rates = _rate_terms(structure, read, p)
-        into, out = p.torque_hessian + rates.hessian, inner * p.torque_hessian
-        if structure.torque_box:
+        limits = _limit_terms(structure, read, p)
+        into, out = p.torque_hessian + limits.hessian.rate, inner * p.torque_hessian
+        if torque_inequalities(structure):
             into = into + ca.diag(read(f.TORQUE_WEIGHT, -1))
             out = out + ca.diag(where(inner, read(f.TORQUE_WEIGHT)))
         after = form.momentum_derivative(turn, p.inertia)
         before = form.derivative_before(turn, after, read(f.MOMENTUM)) @ g.T
         after = after @ g.T
-        force_into, force = read(f.FORCE, -1) + rates.force, where(inner, read(f.FORCE))
+        force_into, force = read(f.FORCE, -1) + limits.force.rate, where(inner, read(f.FORCE))
         lagrangian = turn @ (inner * p.rate_weight + form.multiplier_matrix(
             force_into, force, p.inertia))
         curved = blend(read(f.EXACT), form.left_hessian(lagrangian),
@@ -122,12 +153,12 @@ def paper_node_phase(structure: Structure) -> Phase:
         hessian = (form.congruence(after, into @ after) + form.congruence(before, weighted)
                    + form.congruence(g.T, curved @ g.T))
         move_force = g @ vee_of_skew_part(lagrangian)
-        gradient = (move_force + after.T @ (read(f.PULL, -1) + rates.pull - force_into)
+        gradient = (move_force + after.T @ (read(f.PULL, -1) + limits.pull.rate - force_into)
                     - before.T @ (where(inner, read(f.PULL)) - force))
-        return {**_turn_terms(g, read, p),
+        return {**_turn_terms(structure, g, limits, read, p),
                 f.MOVE_GRADIENT: gradient, f.MOVE_HESSIAN: form.upper_part(hessian),
                 f.MOVE_FORCE: move_force, f.AFTER: ca.vec(after), f.BEFORE: ca.vec(before),
-                f.WEIGHTED: ca.vec(weighted), f.RATE_PRODUCTS: rates.products}
+                f.WEIGHTED: ca.vec(weighted), f.NODE_PRODUCTS: limits.products}
 
     return phase('node', expression, beyond=1)
 
@@ -150,18 +181,18 @@ def symmetric_node_phase(structure: Structure) -> Phase:
         p, inner = unpack(read(f.PARAMETER)), read(f.INNER)
         g = rotation_from_quaternion(read(f.ATTITUDE))
         free = rotation_from_quaternion(read(f.FREE))
-        rates = _rate_terms(structure, read, p)
+        limits = _limit_terms(structure, read, p)
         by_momentum = solve_3x3(form.momentum_derivative(free, p.inertia), ca.SX.eye(3))
         gradient = by_momentum.T @ vee_of_skew_part(free @ p.rate_weight)
         curved = form.left_hessian(free @ (
             p.rate_weight - form.multiplier_matrix(gradient, ca.SX.zeros(3), p.inertia)))
         hessian = form.congruence(by_momentum, blend(
             read(f.EXACT), curved, trace_hessian(p.rate_weight)) @ by_momentum)
-        return {**_turn_terms(g, read, p),
-                f.MOVE_GRADIENT: inner * gradient + rates.pull,
-                f.MOVE_FORCE: inner * gradient + rates.force,
-                f.MOVE_HESSIAN: form.upper_part(inner * hessian + rates.hessian),
-                f.RATE_PRODUCTS: rates.products}
+        return {**_turn_terms(structure, g, limits, read, p),
+                f.MOVE_GRADIENT: inner * gradient + limits.pull.rate,
+                f.MOVE_FORCE: inner * gradient + limits.force.rate,
+                f.MOVE_HESSIAN: form.upper_part(inner * hessian + limits.hessian.rate),
+                f.NODE_PRODUCTS: limits.products}
 
     return phase('node', expression, beyond=1)
 
@@ -178,7 +209,7 @@ def symmetric_transition_phase(structure: Structure) -> Phase:
         costate, force = read(f.MOMENTUM_COSTATE), read(f.FORCE)
         lagrangian = turn @ form.multiplier_matrix(2 * force + costate, -costate, p.inertia)
         weight = p.torque_hessian
-        if structure.torque_box:
+        if torque_inequalities(structure):
             weight = weight + ca.diag(read(f.TORQUE_WEIGHT))
         by_control = 2 * after
         weighted = weight @ by_control
@@ -198,7 +229,7 @@ def costate_phase(structure: Structure) -> Phase:
     """Sum attitude gradients (and momentum multipliers) from the end: the costates behind k."""
     def expression(read: Read) -> dict[Field, ca.SX]:
         turn = read(f.TURN_SUM)
-        writes = {f.TURN_COSTATE: turn, f.TURN_SUM: turn + read(f.TURN_GRADIENT)}
+        writes = {f.TURN_COSTATE: turn, f.TURN_SUM: turn + read(turn_force(structure))}
         if structure.symmetric:
             momentum = read(f.MOMENTUM_SUM)
             writes |= {f.MOMENTUM_COSTATE: momentum,

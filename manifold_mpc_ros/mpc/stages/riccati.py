@@ -18,11 +18,13 @@ import casadi as ca
 
 from manifold_mpc_ros.lie.symbolic import hat
 from manifold_mpc_ros.mpc.program import fields as f
-from manifold_mpc_ros.mpc.program.phase import Field, Order, Phase, Read, phase
+from manifold_mpc_ros.mpc.program.field import Field
+from manifold_mpc_ros.mpc.program.phase import Order, Phase, Read, phase
 from manifold_mpc_ros.mpc.program.structure import Structure
 from manifold_mpc_ros.mpc.scaling import unpack
 from manifold_mpc_ros.mpc.stages import step_derivatives as form
 from manifold_mpc_ros.mpc.stages.barrier import largest, most
+from manifold_mpc_ros.mpc.stages.inequalities import node_inequalities, torque_inequalities
 
 
 class _Value(NamedTuple):
@@ -143,8 +145,8 @@ def sweep_phase(structure: Structure) -> Phase:
                    for i in range(6) for j in range(i, 6)]
         gradient = _less(ca.vertcat(r.by_turn, r.by_move), y[:, 1:], scaled[:, 0])
         residuals = read(f.RESIDUALS)
-        products = [read(f.PRODUCTS)] if structure.torque_box else []
-        products += [read(f.RATE_PRODUCTS)] if structure.rate_box else []
+        products = [read(f.PRODUCTS)] if torque_inequalities(structure) else []
+        products += [read(f.NODE_PRODUCTS)] if node_inequalities(structure) else []
         return {f.GAIN: ca.vec(gains),
                 f.VALUE: ca.vertcat(gradient, *hessian),
                 f.RESIDUALS: ca.vertcat(
@@ -160,7 +162,8 @@ def sweep_phase(structure: Structure) -> Phase:
 def _torque_weight(structure: Structure, read: Read) -> ca.SX:
     """Return the Hessian (3, 3) of a stage's torque, barrier included."""
     weight = unpack(read(f.PARAMETER)).torque_hessian
-    return weight + ca.diag(read(f.TORQUE_WEIGHT)) if structure.torque_box else weight
+    limited = torque_inequalities(structure)
+    return weight + ca.diag(read(f.TORQUE_WEIGHT)) if limited else weight
 
 
 def linear_phase(structure: Structure) -> Phase:
@@ -187,11 +190,10 @@ def reach_phase(structure: Structure) -> Phase:
         else:
             after, before = ca.reshape(read(f.AFTER, 1), 3, 3), ca.reshape(read(f.BEFORE), 3, 3)
             change = after @ read(f.CONTROL) - before @ read(f.MOVE)
-        if not structure.torque_box:
-            return {f.TORQUE_CHANGE: change}
-        ratio = change / unpack(read(f.PARAMETER)).max_torque
-        part = ca.vertcat(ratio, -ratio) / read(f.TORQUE_SLACK)
-        return {f.TORQUE_CHANGE: change, f.REACH: most(part)}
+        parts = [each.slope(read, change) / read(each.slack)
+                 for each in torque_inequalities(structure)]
+        reach = {f.REACH: most(ca.vertcat(*parts))} if parts else {}
+        return {f.TORQUE_CHANGE: change, **reach}
 
     return phase('reach', expression)
 

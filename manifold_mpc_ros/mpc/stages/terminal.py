@@ -21,11 +21,14 @@ from manifold_mpc_ros.lie.symbolic import (
     rotation_from_quaternion,
 )
 from manifold_mpc_ros.mpc.program import fields as f
-from manifold_mpc_ros.mpc.program.phase import Field, Phase, Read, phase
-from manifold_mpc_ros.mpc.program.structure import TERMINAL_PENALTY, Structure
+from manifold_mpc_ros.mpc.program.field import Field
+from manifold_mpc_ros.mpc.program.phase import Phase, Read, phase
+from manifold_mpc_ros.mpc.program.structure import Structure
 from manifold_mpc_ros.mpc.scaling import Parameters, unpack
 from manifold_mpc_ros.mpc.stages import step_derivatives as form
 from manifold_mpc_ros.mpc.stages.barrier import elastic_bounds, largest
+from manifold_mpc_ros.mpc.stages.inequalities import of_attitude, terminal_level
+from manifold_mpc_ros.mpc.stages.quadratic_model import turn_force
 
 
 def error_vector(q: ca.SX, pointing: bool, p: Parameters) -> ca.SX:
@@ -111,26 +114,31 @@ def terminal_phase(structure: Structure) -> Phase:
         hessian = (chart.derivative.T @ p.terminal_weight @ chart.derivative
                    + read(f.EXACT) * chart.curvature)
         gradient = chart.derivative.T @ p_xi
-        force, products = gradient, read(f.RATE_PRODUCTS)
-        if structure.terminal_set:
-            y, t, s = ca.vertsplit(read(f.LEVEL))
-            bounds = elastic_bounds(y, t, s, read(f.BARRIER), TERMINAL_PENALTY)
+        force, products = gradient, read(f.NODE_PRODUCTS)
+        limit = terminal_level(structure)
+        if limit is not None:
+            y, t, s = read(limit.slack), read(limit.elastic), read(limit.multiplier)
+            bounds = elastic_bounds(y, t, s, read(f.BARRIER), limit.penalty)
             slope = 2 / p.terminal_level * gradient
             hessian = ((1 + 2 * s / p.terminal_level) * hessian
                        + bounds.weight * slope @ slope.T)
             gradient = gradient + slope * bounds.pull
             force = force + slope * s
-            products = largest(products, y * s, (TERMINAL_PENALTY - s) * t)
+            products = largest(products, y * s, (limit.penalty - s) * t)
         move = form.symmetric_from(read(f.MOVE_HESSIAN))
-        hessian += ca.diagcat(ca.SX.zeros(3, 3), move)
-        gradient += ca.vertcat(ca.SX.zeros(3), read(f.MOVE_GRADIENT))
+        turn, by_turn, turn_sum = ca.SX.zeros(3, 3), ca.SX.zeros(3), force[0:3]
+        if of_attitude(structure):
+            turn, by_turn = form.symmetric_from(read(f.TURN_HESSIAN)), read(f.TURN_GRADIENT)
+            turn_sum = turn_sum + read(turn_force(structure))
+        hessian += ca.diagcat(turn, move)
+        gradient += ca.vertcat(by_turn, read(f.MOVE_GRADIENT))
         last = force[3:6] + read(f.MOVE_FORCE)
         stationarity = ca.SX(0) if structure.symmetric else largest(last)
         writes = {f.VALUE: ca.vertcat(gradient, upper_entries(hessian)),
-                  f.TURN_SUM: force[0:3],
+                  f.TURN_SUM: turn_sum,
                   f.RESIDUALS: ca.vertcat(stationarity, products, 0, 1, 0),
                   f.LINEAR: ca.SX.zeros(6), f.LARGEST_REACH: ca.SX.zeros(1)}
-        if structure.terminal_set:
+        if limit is not None:
             writes[f.FORM_GRADIENT] = chart.derivative.T @ p_xi
         return writes | ({f.MOMENTUM_SUM: last} if structure.symmetric else {})
 

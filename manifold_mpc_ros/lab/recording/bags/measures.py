@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.config.rate_limits import rates_beyond
 from manifold_mpc_ros.lab.recording.bags.run import BagRun
 from manifold_mpc_ros.lab.recording.bags.series import NANOSECONDS
 from manifold_mpc_ros.sim.closed_loop import settling_time
@@ -53,15 +54,11 @@ def violations(run: BagRun) -> int:
     if run.scenario is None:
         return 0
     config = run.scenario.controller_config.mpc
-    return _beyond(run.commands.torque_B_n_m, config.max_torque_n_m) \
-        + _beyond(run.states.omega_BN_B, config.max_rate_rad_s)
-
-
-def _beyond(values: FloatArray, limit: FloatArray | None) -> int:
-    """Return how many of n vectors (n, 3) leave a box (3,) by more than the slack."""
-    if limit is None:
-        return 0
-    return int((np.abs(values) > limit * (1.0 + SLACK)).any(axis=1).sum())
+    torques = 0 if config.max_torque_n_m is None else int((
+        np.abs(run.commands.torque_B_n_m) > config.max_torque_n_m * (1.0 + SLACK)
+        ).any(axis=1).sum())
+    return torques + int(np.count_nonzero(
+        rates_beyond(config.rate_limits, run.states.omega_BN_B, SLACK)))
 
 
 def solve_time_p99_s(run: BagRun) -> float | None:

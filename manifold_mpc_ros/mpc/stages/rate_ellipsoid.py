@@ -1,0 +1,85 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The rate ellipsoid ``omega^T E omega <= 1``, elastic: limits |omega| or the kinetic energy."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.mpc.program.phase import Read
+from manifold_mpc_ros.mpc.scaling import Array, Scaling
+from manifold_mpc_ros.mpc.stages.inequality import Curvature, Node, RateInequality, Variation
+
+
+class RateEllipsoid(RateInequality):
+    """Values ``(omega^T E_i omega - 1) / 2``, one an ellipsoid; data: E_i (3, 3) column by column.
+
+    Half of the square, so that a value near 0 is the relative excess of |omega| as in the box.
+    """
+
+    name = 'rate_ellipsoid'
+
+    @property
+    def data_size(self) -> int:
+        """Nine numbers an ellipsoid."""
+        return 9 * self.rows
+
+    @classmethod
+    def rows_in(cls, config: AttitudeMpcConfig) -> int:
+        """Return the number of ellipsoids."""
+        return len(config.rate_ellipsoids_s2)
+
+    def numbers(self, config: AttitudeMpcConfig, unit: Scaling) -> Array:
+        """Return the dimensionless E of each ellipsoid."""
+        return np.ravel(np.asarray(config.rate_ellipsoids_s2) * unit.rate_rad_s ** 2)
+
+    def _matrices(self, read: Read) -> list[ca.SX]:
+        """Return E of each ellipsoid (3, 3)."""
+        return [ca.reshape(part, 3, 3) for part in ca.vertsplit(read(self.data), 9)]
+
+    def values(self, read: Read, node: Node) -> ca.SX:
+        """Return v (rows,)."""
+        return ca.vertcat(*((ca.dot(node.rate, e @ node.rate) - 1) / 2
+                            for e in self._matrices(read)))
+
+    def change(self, read: Read, new: Node, old: Node) -> ca.SX:
+        """Return ``(omega+ - omega)^T E (omega+ + omega) / 2`` (rows,)."""
+        return ca.vertcat(*(ca.dot(new.rate - old.rate, e @ (new.rate + old.rate)) / 2
+                            for e in self._matrices(read)))
+
+    def slope(self, read: Read, node: Node, step: Variation) -> ca.SX:
+        """Return ``omega^T E step`` (rows,)."""
+        return ca.vertcat(*(ca.dot(e @ node.rate, step.rate) for e in self._matrices(read)))
+
+    def gradient(self, read: Read, node: Node, pull: ca.SX) -> Variation:
+        """Return ``sum_i pull_i E_i omega``."""
+        total = ca.SX.zeros(3)
+        for i, e in enumerate(self._matrices(read)):
+            total += pull[i] * (e @ node.rate)
+        return Variation(ca.SX.zeros(3), total)
+
+    def hessian(self, read: Read, node: Node, weight: ca.SX, s: ca.SX) -> Curvature:
+        """Return ``sum_i weight_i (E_i omega) (E_i omega)^T + s_i E_i``."""
+        total = ca.SX.zeros(3, 3)
+        for i, e in enumerate(self._matrices(read)):
+            slope = e @ node.rate
+            total += weight[i] * slope @ slope.T + s[i] * e
+        return Curvature(ca.SX.zeros(3, 3), total)
+
+    def largest_rate(self, read: Read, axis: ca.SX) -> ca.SX:
+        """Return the rate about a unit axis at which the first ellipsoid ends."""
+        rates = [1 / ca.sqrt(ca.dot(axis, e @ axis)) for e in self._matrices(read)]
+        return ca.mmin(ca.vertcat(*rates))
+
+    def box(self, read: Read) -> ca.SX:
+        """Return half widths r_i = a / sqrt(E_ii), with a from ``sum_ij |E_ij| r_i r_j = 1``."""
+        widths = []
+        for e in self._matrices(read):
+            scale = 1 / ca.sqrt(ca.diag(e))
+            widths.append(scale / ca.sqrt(ca.dot(scale, ca.fabs(e) @ scale)))
+        smallest = widths[0]
+        for width in widths[1:]:
+            smallest = ca.fmin(smallest, width)
+        return smallest
