@@ -151,8 +151,8 @@ class NodeInequality(Inequality):
         """Return v (rows,)."""
 
     @abstractmethod
-    def change(self, read: Read, new: Node, old: Node) -> ca.SX:
-        """Return ``v(new) - v(old)`` (rows,), accurate for small steps."""
+    def change(self, read: Read, new: Node, old: Node, rate_change: ca.SX) -> ca.SX:
+        """Return ``v(new) - v(old)`` (rows,), accurate for small steps: omega has moved so far."""
 
     @abstractmethod
     def slope(self, read: Read, node: Node, step: Variation) -> ca.SX:
@@ -186,11 +186,12 @@ class NodeInequality(Inequality):
             s = ca.if_else(read(f.INNER) != 0, kept, s)
         return {self.slack: y, self.elastic: t, self.multiplier: s}
 
-    def advance(self, read: Read, new: Node, old: Node, step: Variation) -> dict[Field, ca.SX]:
+    def advance(self, read: Read, new: Node, old: Node, rate_change: ca.SX, step: Variation
+                ) -> dict[Field, ca.SX]:
         """Return slack, elastic part and multiplier after a trial whose linear model is a step."""
         y, t, s = barrier.advance_elastic(
-            self.bounds(read), self.change(read, new, old), self.slope(read, old, step),
-            read(self.elastic), read(f.LENGTH), read(f.BARRIER), self.penalty)
+            self.bounds(read), self.change(read, new, old, rate_change),
+            self.slope(read, old, step), read(self.elastic), read(f.LENGTH), read(f.BARRIER), self.penalty)
         return {self.slack: y, self.elastic: t, self.multiplier: s}
 
 

@@ -87,8 +87,10 @@ def node_phase(structure: Structure) -> Phase:
         moved = read(f.MOVE) if structure.symmetric else (
             ca.reshape(read(f.AFTER), 3, 3) @ read(f.MOVE))
         step = Variation(alpha * read(f.TURN), alpha * (p.inertia_inverse @ moved))
+        rate_change = p.inertia_inverse @ (momentum - read(f.MOMENTUM))
         for each in node_inequalities(structure):
-            writes |= each.advance(read, node_at(read, p, new=True), node_at(read, p), step)
+            writes |= each.advance(
+                read, node_at(read, p, new=True), node_at(read, p), rate_change, step)
         writes |= merit.node_merit(structure, read(f.LATER), writes)
         return writes | {f.COST_NODE: cost, f.SOUND_NODE: sound}
 

@@ -39,9 +39,9 @@ class RateBox(RateInequality):
         """Return v (6,)."""
         return barrier.box(node.rate, self.box(read))
 
-    def change(self, read: Read, new: Node, old: Node) -> ca.SX:
+    def change(self, read: Read, new: Node, old: Node, rate_change: ca.SX) -> ca.SX:
         """Return ``v(new) - v(old)`` (6,)."""
-        ratio = (new.rate - old.rate) / self.box(read)
+        ratio = rate_change / self.box(read)
         return ca.vertcat(ratio, -ratio)
 
     def slope(self, read: Read, node: Node, step: Variation) -> ca.SX:

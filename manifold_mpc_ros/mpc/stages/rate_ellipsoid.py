@@ -44,9 +44,9 @@ class RateEllipsoid(RateInequality):
         return ca.vertcat(*((ca.dot(node.rate, e @ node.rate) - 1) / 2
                             for e in self._matrices(read)))
 
-    def change(self, read: Read, new: Node, old: Node) -> ca.SX:
+    def change(self, read: Read, new: Node, old: Node, rate_change: ca.SX) -> ca.SX:
         """Return ``(omega+ - omega)^T E (omega+ + omega) / 2`` (rows,)."""
-        return ca.vertcat(*(ca.dot(new.rate - old.rate, e @ (new.rate + old.rate)) / 2
+        return ca.vertcat(*(ca.dot(rate_change, e @ (new.rate + old.rate)) / 2
                             for e in self._matrices(read)))
 
     def slope(self, read: Read, node: Node, step: Variation) -> ca.SX:
