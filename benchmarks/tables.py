@@ -65,7 +65,6 @@ def summary(data: dict[str, Any]) -> str:
             ('acados SQP, warm, to 1e-6', 'acados SQP (HPIPM)', 'warm'),
             ('acados, one real-time iteration, not converged', 'acados RTI, one step', 'warm'),
             ('IPOPT, warm, its functions as C', 'IPOPT', 'warm'),
-            ('ours without a compiler, warm', 'ours in the VM, search', 'warm'),
             ('ours, cold, global search', 'ours, search', 'cold'),
             ('acados SQP, cold', 'acados SQP (HPIPM)', 'cold')):
         every = [row for key, row in rows.items() if key[:2] == (name, start)]

@@ -113,7 +113,7 @@ def test_without_valgrind_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_start_up_of_a_fresh_process() -> None:
     core = min(os.sched_getaffinity(0))
-    found = startup.start_up(solver.OUR_VM_LOCAL, 5, core)
+    found = startup.start_up(solver.OUR_LOCAL, 5, core)
     assert found['first_build_s'] > 0
     assert found['cached_build_s'] > 0
     assert found['imports_s'] > 0

@@ -18,15 +18,15 @@ from manifold_mpc_ros.lab.benchmark.peers.worker import Worker
 
 HORIZON = 5
 STATE = instances.draw(1)[0].state
-UNCOMPILED = (solver.OUR_VM_LOCAL, solver.OUR_VM_SEARCH, solver.FATROP_VM, solver.IPOPT_VM)
+COMPARED = (solver.OUR_LOCAL, solver.OUR_SEARCH, solver.FATROP_VM, solver.IPOPT_VM)
 SETTINGS = Settings(core=min(os.sched_getaffinity(0)), repeats=2, loops=1,
                     loop_steps=3, cold_budget_s=200.0, warm_budget_s=200.0)
 
 
-def test_uncompiled_solvers_side_by_side() -> None:
+def test_solvers_side_by_side() -> None:
     states = instances.draw(2)[:4]
     said: list[str] = []
-    comparison = compare(HORIZON, UNCOMPILED, states, SETTINGS, said.append)
+    comparison = compare(HORIZON, COMPARED, states, SETTINGS, said.append)
     assert any('cold, instance 4 of 4' in text for text in said)
     for record in comparison.records:
         assert record.why_not == ''
@@ -41,7 +41,7 @@ def test_uncompiled_solvers_side_by_side() -> None:
             assert 0 < solver_s <= call_s
         if record.entry.warm:
             assert len(record.warm) == len(record.warm_s) == SETTINGS.loop_steps
-    search = comparison.records[UNCOMPILED.index(solver.OUR_VM_SEARCH)]
+    search = comparison.records[COMPARED.index(solver.OUR_SEARCH)]
     best = comparison.best[solver.ON_THE_GROUP][search.asked]
     assert np.allclose([answer.cost for answer in search.cold], best, rtol=1e-6)
 
@@ -65,8 +65,8 @@ def test_acados_agrees_with_the_others() -> None:
 
 @pytest.mark.parametrize(('entry', 'reason'), [
     (Entry('no module', 'nowhere:Solver', solver.ON_THE_GROUP), 'ModuleNotFoundError'),
-    (Entry('no option', 'ours:Ours', solver.ON_THE_GROUP, {'search': True, 'backend': 'gpu'}),
-     'backend'),
+    (Entry('no option', 'ours:Ours', solver.ON_THE_GROUP, {'search': True, 'device': 'gpu'}),
+     'device'),
 ])
 def test_what_cannot_be_built_says_why(entry: Entry, reason: str) -> None:
     worker = Worker(entry, HORIZON, None)
@@ -78,8 +78,8 @@ def test_what_cannot_be_built_says_why(entry: Entry, reason: str) -> None:
 
 
 def test_a_process_that_dies_is_an_error_with_its_name() -> None:
-    worker = Worker(solver.OUR_VM_LOCAL, HORIZON, None)
+    worker = Worker(solver.OUR_LOCAL, HORIZON, None)
     worker.wait()
     worker.end()
-    with pytest.raises(ManifoldMpcError, match=solver.OUR_VM_LOCAL.name):
+    with pytest.raises(ManifoldMpcError, match=solver.OUR_LOCAL.name):
         worker.cold(STATE, 1)

@@ -31,7 +31,7 @@ from manifold_mpc_ros.terminal.problem_of import terminal_design
 # Strong torques and a soft law: no state at rest needs more than three steps.
 QUICK: dict[str, Any] = {
     'forcing': 'symmetric', 'max_torque_n_m': 0.8, 'torque_weight': 20 * np.eye(3), 'horizon': 3}
-VM = Settings(backend='c')
+SETTINGS = Settings()
 
 
 @pytest.fixture(scope='module')
@@ -55,7 +55,7 @@ def asked(config: AttitudeMpcConfig, terminal: TerminalDesign) -> tuple[list[Dom
     rounds: list[Round] = []
     groups = [domain_states.uniform_states(config, 24), domain_states.half_turns(config, 4),
               domain_states.moving_states(config, 12, 0.3)]
-    return smallest_horizons(config, terminal, groups, settings=VM,
+    return smallest_horizons(config, terminal, groups, settings=SETTINGS,
                              progress=rounds.append), rounds
 
 
@@ -165,7 +165,7 @@ def test_workers_do_not_change_the_answer(
     asked: tuple[list[Domain], list[Round]], terminal: TerminalDesign, config: AttitudeMpcConfig,
 ) -> None:
     groups = [group.states for group in asked[0]]
-    again = smallest_horizons(config, terminal, groups, settings=replace(VM, workers=2))
+    again = smallest_horizons(config, terminal, groups, settings=replace(SETTINGS, workers=2))
     for one, two in zip(asked[0], again):
         assert np.array_equal(one.smallest, two.smallest)
 
@@ -174,7 +174,7 @@ def test_the_largest_alone_takes_fewer_questions(
     asked: tuple[list[Domain], list[Round]], terminal: TerminalDesign, config: AttitudeMpcConfig,
 ) -> None:
     rounds: list[Round] = []
-    (grid,) = smallest_horizons(config, terminal, [asked[0][0].states], settings=VM,
+    (grid,) = smallest_horizons(config, terminal, [asked[0][0].states], settings=SETTINGS,
                                 only_largest=True, progress=rounds.append)
     assert grid.largest == asked[0][0].largest
     assert np.all(grid.smallest >= asked[0][0].smallest)
@@ -187,7 +187,7 @@ def test_states_that_nothing_reaches_from_are_reported(
     """With at most two steps the half turns that need three have no plan."""
     known = asked[0][1]
     (again,) = smallest_horizons(config, terminal, [known.states],
-                                 settings=replace(VM, largest=2))
+                                 settings=replace(SETTINGS, largest=2))
     assert np.array_equal(again.smallest, np.where(known.smallest > 2, NONE, known.smallest))
     assert again.largest == NONE
     assert again.smallest[again.hardest] == NONE
@@ -202,7 +202,7 @@ def test_states_in_the_terminal_set_need_no_step(
     edge = np.sqrt(terminal.c / np.einsum('ni,ij,nj->n', axes, terminal.P[:3, :3], axes))
     for factor, inside in ((1 - 1e-6, True), (1 + 1e-4, False)):
         states = domain_states.States('edge', factor * edge[:, None] * axes, np.zeros((20, 3)))
-        (found,) = smallest_horizons(config, terminal, [states], settings=VM)
+        (found,) = smallest_horizons(config, terminal, [states], settings=SETTINGS)
         assert np.all((found.smallest == 0) == inside)
 
 
@@ -228,7 +228,7 @@ def test_pointing_asks_directions() -> None:
     assert np.abs(gamma.mean(axis=0)).max() < 2 / 8
     assert np.abs(np.cos(np.linalg.norm(grid.vectors, axis=1)) - gamma @ b).max() < 1e-12
     assert np.allclose(so3.exp(turn.vectors[0]).T @ b, -b)
-    found = smallest_horizons(config, terminal, [grid, turn], settings=VM)
+    found = smallest_horizons(config, terminal, [grid, turn], settings=SETTINGS)
     assert found[1].largest >= found[0].largest >= 1
     (plane,) = domain_states.planes(config)
     assert np.allclose(np.cross(*plane.axes.T), b)

@@ -18,7 +18,6 @@ from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.batch_mpc import BatchMpc
-from manifold_mpc_ros.mpc.model_loop import LoopingMpc
 
 Array = NDArray[np.float64]
 TICKS = 20
@@ -58,15 +57,6 @@ def test_threads_and_order_do_not_change_a_bit(cache_dir: Path) -> None:
     first, second = one.simulate(R, omega, TICKS), two.simulate(R[::-1], omega[::-1], TICKS)
     assert np.array_equal(first.torque_B_n_m, second.torque_B_n_m[::-1])
     assert np.array_equal(first.passes, second.passes[::-1])
-
-
-def test_compiled_and_interpreted_loops_have_the_same_bits(cache_dir: Path) -> None:
-    config = configuration(**LIMITED)
-    R, omega = states(1)
-    loops = [LoopingMpc(config, backend=backend, cache_dir=cache_dir).close_loop(
-        R[0], omega[0], TICKS, disturbance_B_n_m=[1e-3, 0, 0]) for backend in ('auto', 'c')]
-    assert np.array_equal(loops[0].torque_B_n_m, loops[1].torque_B_n_m)
-    assert np.array_equal(loops[0].R_NB, loops[1].R_NB)
 
 
 def test_a_body_of_its_own(cache_dir: Path) -> None:

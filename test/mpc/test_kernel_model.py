@@ -15,14 +15,15 @@ from typing import Any
 import numpy as np
 import pytest
 from cases import CERTIFIED, LIMITED, LIMITS, REFERENCE, configuration
-from manifold_mpc_ros.mpc.backends.interpreted import InterpretedSolver
 from numpy.typing import NDArray
 from strategies import INERTIAS, generator
 
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc import search
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
+from manifold_mpc_ros.mpc.backends.local_solver import LocalSolver
 from manifold_mpc_ros.mpc.program import fields as f
+from manifold_mpc_ros.mpc.stages.inequalities import inequalities_of
 
 Array = NDArray[np.float64]
 
@@ -30,11 +31,15 @@ ODD: dict[str, Any] = {
     'inertia_kg_m2': INERTIAS['off_diagonal'], 'horizon': 6,
     'torque_weight': [[2.0, 0.3, 0.0], [0.3, 1.5, -0.2], [0.0, -0.2, 1.0]],
     'attitude_weight': [[1.0, 0.2, 0.0], [0.2, 1.4, 0.1], [0.0, 0.1, 0.7]]}
+ELLIPSOID = [[4.0, 0.5, 0.0], [0.5, 5.0, -0.3], [0.0, -0.3, 6.0]]
 KINDS: dict[str, dict[str, Any]] = {
     'free paper': {**REFERENCE, **ODD},
     'free symmetric': {**REFERENCE, **ODD, 'forcing': 'symmetric'},
     'limited paper': {**LIMITED, **ODD},
     'limited symmetric': {**LIMITED, **ODD, 'forcing': 'symmetric'},
+    'ellipsoid paper': {**LIMITED, **ODD, 'rate_ellipsoid_s2': ELLIPSOID},
+    'ellipsoids symmetric': {**LIMITED, **ODD, 'forcing': 'symmetric', 'max_rate_rad_s': None,
+                             'rate_ellipsoid_s2': ELLIPSOID, 'max_rate_norm_rad_s': 0.7},
     'certified': {**CERTIFIED, 'horizon': 12},
     'certified paper': {**LIMITS, 'horizon': 12},
     'pointing': {**LIMITED, 'target': 'pointing', 'forcing': 'symmetric', 'horizon': 6},
@@ -42,22 +47,20 @@ KINDS: dict[str, dict[str, Any]] = {
 }
 
 
-class Probe(InterpretedSolver):
-    """The virtual machine's solver with its parts laid open."""
+class Probe(LocalSolver):
+    """The solver with its model and its trial laid open."""
 
     def modelled(self, mu: float) -> tuple[float, float]:
         """Model the plan at a barrier parameter; return expected decrease and stationarity."""
-        self._at(f.BARRIER)[:] = self._mu = mu
-        self._at(f.EXACT)[:] = 1.0
-        self._run('backward')
-        stationarity, _, decrease, _, _ = self._at(f.RESIDUALS).tolist()
+        self._mu = mu
+        self._library.model(self._address, mu)
+        stationarity, _, decrease, _, _ = self._global(f.RESIDUALS).tolist()
         return decrease, stationarity
 
     def merit(self, length: float) -> float:
         """Return the merit of a trial of some length."""
-        self._at(f.LENGTH)[:] = length
-        self._run('trial')
-        cost, logs, _ = self._at(f.SUMS).tolist()
+        self._library.trial(self._address, length)
+        cost, logs, _ = self._global(f.SUMS).tolist()
         return float(cost - self._mu * logs)
 
 
@@ -65,7 +68,6 @@ class Probe(InterpretedSolver):
 def probe(request: pytest.FixtureRequest) -> Probe:
     """Return a probe of each kind of problem."""
     solver = AttitudeMpc(configuration(**KINDS[request.param]))._strict
-    assert isinstance(solver, InterpretedSolver)
     solver.__class__ = Probe
     assert isinstance(solver, Probe)
     return solver
@@ -73,14 +75,17 @@ def probe(request: pytest.FixtureRequest) -> Probe:
 
 def starts(probe: Probe, n: int, mu: float) -> Any:
     """Yield n random states from which a central start keeps clear of its multipliers' cap."""
-    rng, found = generator('model'), 0
+    rng, found, plan = generator('model'), 0, probe.new_plan()
     while found < n:
         R, omega = so3.random_rotations(rng, 1)[0], rng.uniform(-0.1, 0.1, 3)
         probe.measure(R, np.eye(3), omega)
         probe.begin_slew(mu, np.zeros(3), 1)
-        duals = probe._plan.field(f.RATE_DUAL)[1:] if probe.structure.rate_box else np.zeros(1)
-        level = probe._plan.field(f.LEVEL)[-1, 2] if probe.structure.terminal_set else 0.0
-        if duals.max() < 9.9 and level < 9.9:
+        probe.keep(plan)
+        multipliers = [plan.field(each.multiplier)[1:] for each in inequalities_of(probe.structure)
+                       if each.penalty is not None and each.name != 'terminal_level']
+        multipliers += [plan.field(each.multiplier)[-1:] for each in inequalities_of(
+            probe.structure) if each.name == 'terminal_level']
+        if all(values.max() < 9.9 for values in multipliers):
             found += 1
             yield R, omega
 

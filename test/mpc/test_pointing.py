@@ -137,16 +137,6 @@ def test_the_attitude_weight_is_not_looked_at(controller: Make) -> None:
     np.testing.assert_array_equal(*torques)
 
 
-def test_compiled_and_interpreted_solvers_give_the_same_bits(controller: Make) -> None:
-    compiled = controller(**PROBLEMS['limited'])
-    if compiled.backend != 'c':
-        pytest.skip('no C compiler here')
-    interpreted = controller(**PROBLEMS['limited'])
-    for R, omega in random_states('pointing bits', 2, 0.2):
-        found = [mpc.solve(R, omega) for mpc in (compiled, interpreted)]
-        np.testing.assert_array_equal(found[0].torques_B_n_m, found[1].torques_B_n_m)
-
-
 def test_the_attitude_towards_a_direction_points_the_axis_there() -> None:
     config = AttitudeMpcConfig(
         inertia_kg_m2=(1.0, 0.9, 0.6), step_s=0.5, horizon=5, attitude_weight=(1, 1, 1),

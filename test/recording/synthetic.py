@@ -132,7 +132,7 @@ def write_bag(
     with BagWriter(path, storage) as writer:
         writer.add_topic(BagTopic(DESCRIPTION_TOPIC, DESCRIPTION_TYPE))
         writer.add_text(DESCRIPTION_TOPIC, RunDescription(
-            scenario_name='synthetic', scenario_text=scenario).to_json(), START_NS)
+            scenario_name='synthetic', scenario_text=scenario, backend='c').to_json(), START_NS)
         for message in messages:
             if message.topic not in writer.topics:
                 writer.add_topic(BagTopic(message.topic, KINDS[message.topic], qos=(QOS,)))

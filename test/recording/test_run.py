@@ -165,7 +165,7 @@ def test_a_message_that_cannot_be_read_is_one_warning(tmp_path: Path) -> None:
 def test_a_description_outlives_its_json() -> None:
     description = RunDescription('a', 'b', {'numpy': '2'}, 'c', {'x': [1.0]}, {}, {})
     assert RunDescription.from_json(description.to_json()) == description
-    assert RunDescription.from_json('{"backend": "vm", "later": 1, "versions": 3}') == \
+    assert RunDescription.from_json('{"backend": "c", "later": 1, "versions": 3}') == \
         RunDescription(backend='c')
     with pytest.raises(ValueError, match='JSON'):
         RunDescription.from_json('[]')

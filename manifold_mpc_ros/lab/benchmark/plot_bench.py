@@ -19,8 +19,6 @@ _ORANGE, _PURPLE, _SKY = '#E69F00', '#CC79A7', '#56B4E9'
 _LOOKS: dict[str, dict[str, Any]] = {
     solver.OUR_LOCAL.name: {'color': _BLUE, 'linewidth': 3.0, 'marker': 'o'},
     solver.OUR_SEARCH.name: {'color': _BLUE, 'linewidth': 3.0, 'marker': 's', 'linestyle': '--'},
-    solver.OUR_VM_LOCAL.name: {'color': _SKY, 'marker': 'o'},
-    solver.OUR_VM_SEARCH.name: {'color': _SKY, 'marker': 's', 'linestyle': '--'},
     solver.ACADOS_SQP.name: {'color': _RED, 'marker': '^'},
     solver.ACADOS_DAQP.name: {'color': _RED, 'marker': 'v', 'linestyle': '--'},
     solver.ACADOS_RTI.name: {'color': _RED, 'marker': '.', 'linestyle': ':'},

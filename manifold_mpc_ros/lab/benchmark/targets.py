@@ -16,7 +16,6 @@ Rows = Sequence[Mapping[str, Any]]
 CLOCKS = ('solver_us_median', 'solver_us_p99')
 SHORT, LONG = 10, 160
 LARGEST_GROWTH = 20.0
-_IN_THE_VM = {solver.FATROP_VM.name, solver.IPOPT_VM.name}
 LONGEST_FIRST_START_S, LONGEST_CACHED_START_S = 5.0, 0.5
 
 
@@ -44,9 +43,6 @@ def _of_one_horizon(rows: Rows) -> Iterator[dict[str, Any]]:
                           _fastest(rows, acados, 'cold', clock), 1.0)
     yield from _ratio('warm median over one acados RTI iteration', CLOCKS[0], warm,
                       _row(rows, solver.ACADOS_RTI, 'warm'), 1.0)
-    for entry, start in ((solver.OUR_VM_LOCAL, 'cold'), (solver.OUR_VM_SEARCH, 'warm')):
-        yield from _ratio(f'without a compiler, {start} median over IPOPT in C', CLOCKS[0],
-                          _row(rows, entry, start), _row(rows, solver.IPOPT, start), 1.0)
     for name, row in (('warm', warm), ('local', local), ('search', search)):
         if row:
             yield _aim(f'failures, {name}', row['failures'], 0)
@@ -81,8 +77,6 @@ def losses(rows: Rows) -> list[str]:
             continue
         here = [each for each in rows if each['horizon'] == row['horizon']]
         entry = solver.OUR_LOCAL if row['start'] == 'cold' else solver.OUR_SEARCH
-        if row['solver'] in _IN_THE_VM:
-            entry = solver.OUR_VM_LOCAL if row['start'] == 'cold' else solver.OUR_VM_SEARCH
         ours = _row(here, entry, row['start'])
         for clock in CLOCKS if ours else ():
             if row[clock] < ours[clock]:

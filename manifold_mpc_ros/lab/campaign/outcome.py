@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.dynamics.inertia import free_steps_exist
 from manifold_mpc_ros.config.rate_limits import rates_beyond
+from manifold_mpc_ros.dynamics.inertia import free_steps_exist
 from manifold_mpc_ros.lab.campaign import turning
 from manifold_mpc_ros.lab.campaign.case import Case, CaseName, draw_case
 from manifold_mpc_ros.lab.campaign.keys import MODEL, PLANT

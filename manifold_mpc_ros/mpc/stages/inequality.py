@@ -191,7 +191,8 @@ class NodeInequality(Inequality):
         """Return slack, elastic part and multiplier after a trial whose linear model is a step."""
         y, t, s = barrier.advance_elastic(
             self.bounds(read), self.change(read, new, old, rate_change),
-            self.slope(read, old, step), read(self.elastic), read(f.LENGTH), read(f.BARRIER), self.penalty)
+            self.slope(read, old, step), read(self.elastic), read(f.LENGTH), read(f.BARRIER),
+            self.penalty)
         return {self.slack: y, self.elastic: t, self.multiplier: s}
 
 

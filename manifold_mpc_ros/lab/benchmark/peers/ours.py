@@ -22,10 +22,10 @@ Array = NDArray[np.float64]
 class Ours:
     """`AttitudeMpc`: cold by the global search, or by one local solve from the short-way slew."""
 
-    def __init__(self, horizon: int, *, search: bool, backend: str = 'c') -> None:
+    def __init__(self, horizon: int, *, search: bool) -> None:
         """Build the solver; raises SolverBuildError where a compiler is needed and missing."""
         self.config = comparison_config(horizon)
-        self._mpc = AttitudeMpc(self.config, backend=backend)
+        self._mpc = AttitudeMpc(self.config)
         self._search = search
 
     def cold(self, state: Array) -> Answer:

@@ -76,10 +76,6 @@ _CASADI, _ACADOS, _OURS = 'casadi_peer:CasadiPeer', 'acados_peer:AcadosPeer', 'o
 OUR_LOCAL = Entry('ours, local', _OURS, ON_THE_GROUP, {'search': False}, warm=False,
                   ours=True)
 OUR_SEARCH = Entry('ours, search', _OURS, ON_THE_GROUP, {'search': True}, ours=True)
-OUR_VM_LOCAL = Entry('ours in the VM, local', _OURS, ON_THE_GROUP,
-                     {'search': False, 'backend': 'vm'}, warm=False, ours=True)
-OUR_VM_SEARCH = Entry('ours in the VM, search', _OURS, ON_THE_GROUP,
-                      {'search': True, 'backend': 'vm'}, ours=True)
 ACADOS_SQP = Entry('acados SQP (HPIPM)', _ACADOS, IN_QUATERNIONS, {'qp': 'hpipm'})
 ACADOS_DAQP = Entry('acados SQP (DAQP)', _ACADOS, IN_QUATERNIONS, {'qp': 'daqp'})
 ACADOS_RTI = Entry('acados RTI, one step', _ACADOS, IN_QUATERNIONS,
@@ -95,8 +91,8 @@ FATROP_VM = Entry('fatrop in the VM', _CASADI, IN_QUATERNIONS,
 IPOPT_VM = Entry('IPOPT in the VM', _CASADI, IN_QUATERNIONS,
                  {'solver': 'ipopt', 'compiled': False})
 
-ENTRIES = (OUR_LOCAL, OUR_SEARCH, OUR_VM_LOCAL, OUR_VM_SEARCH, ACADOS_SQP, ACADOS_DAQP, ACADOS_RTI,
-           FATROP, IPOPT, SQP_QRQP, SQP_HPIPM, FATROP_VM, IPOPT_VM)
+ENTRIES = (OUR_LOCAL, OUR_SEARCH, ACADOS_SQP, ACADOS_DAQP, ACADOS_RTI, FATROP, IPOPT, SQP_QRQP,
+           SQP_HPIPM, FATROP_VM, IPOPT_VM)
 
 #: What improves the best known costs of a formulation; not timed.
 REFERENCES = {
