@@ -42,6 +42,8 @@ LAB = [
 ]
 # Heavy, and needed by one verb: campaigns write Parquet, and run on clusters if asked to.
 CAMPAIGN = [*LAB, 'pyarrow>=14']
+# A C compiler for machines that have none: the solver is compiled when it is first used.
+COMPILER = ['ziglang>=0.13']
 CLUSTER = [*CAMPAIGN, 'distributed>=2024.1']
 TEST = [
     'catkin-pkg',
@@ -116,7 +118,7 @@ setup(
     cmdclass={'install_data': InstallData},
     python_requires='>=3.10',
     install_requires=FLIES,
-    extras_require={'lab': LAB, 'campaign': CAMPAIGN, 'cluster': CLUSTER, 'ros': ROS,
+    extras_require={'lab': LAB, 'campaign': CAMPAIGN, 'compiler': COMPILER, 'cluster': CLUSTER, 'ros': ROS,
                     'test': CLUSTER + TEST},
     entry_points={'console_scripts': [f'{name} = {main}' for name, main in EXECUTABLES.items()]},
     zip_safe=False,

@@ -14,7 +14,8 @@ limit. As |e| <= 2 the sum keeps the limits, and of
     V = omega^T J omega / 2 + 4 k (1 - cos(theta/2)),    dV/dt = -omega^T sat(D omega) <= 0
 
 for every state: no gain, limit or body makes it unstable in continuous time, and D damps every
-axis at least critically. Above the existence guard of the implicit step,
+axis at least critically. From rest the kinetic energy stays below 4 k, so with rate ellipsoids k
+is at most a quarter of the largest energy that keeps them; a rate box does not bound it. Above the existence guard of the implicit step,
 ``h |J omega| >= lambda_min(J)``, all of the torque brakes: tau = -J omega / (4 h), scaled into
 the whole limits.
 """
@@ -25,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.config.rate_limits import RateEllipsoid
 from manifold_mpc_ros.dynamics.inertia import existence_guard
 from manifold_mpc_ros.lie import so3
 
@@ -51,7 +53,9 @@ class FallbackLaw:
         self._limit = np.full(3, np.inf) if limit is None else limit
         self._stiffness_n_m = min(
             self._smallest / (TURNING_STEPS * config.step_s) ** 2,
-            ATTITUDE_SHARE * float(np.min(self._limit)) / 2.0)
+            ATTITUDE_SHARE * float(np.min(self._limit)) / 2.0,
+            *(RateEllipsoid(E).largest_energy_j(self._inertia) / 4.0
+              for E in config.rate_ellipsoids_s2))
         self._damping = 2.0 * np.sqrt(self._stiffness_n_m / self._smallest) * self._inertia
         self._braking = self._inertia / (BRAKING_STEPS * config.step_s)
         self._axis_B = None if config.target == 'attitude' else config.pointing_axis_B

@@ -38,8 +38,7 @@ from manifold_mpc_ros.mpc.scaling import Array
 
 BACKENDS = ('auto', 'c')
 # No contraction into fused multiply-add: every processor and compiler then executes the same
-# sequence of roundings, and a recorded loop replays bit for bit (test_backends.py). On one
-# processor contraction saved 6 % of the time (docs/solver.md).
+# sequence of roundings, and a recorded loop replays bit for bit (test_backends.py).
 _FLAGS = ('-std=gnu11', '-O2', '-march=native', '-ffp-contract=off', '-fno-math-errno', '-fPIC',
           '-shared')
 _COMPILE_TIMEOUT_S = 300
