@@ -118,8 +118,8 @@ setup(
     cmdclass={'install_data': InstallData},
     python_requires='>=3.10',
     install_requires=FLIES,
-    extras_require={'lab': LAB, 'campaign': CAMPAIGN, 'compiler': COMPILER, 'cluster': CLUSTER, 'ros': ROS,
-                    'test': CLUSTER + TEST},
+    extras_require={'lab': LAB, 'campaign': CAMPAIGN, 'cluster': CLUSTER, 'compiler': COMPILER,
+                    'ros': ROS, 'test': CLUSTER + TEST},
     entry_points={'console_scripts': [f'{name} = {main}' for name, main in EXECUTABLES.items()]},
     zip_safe=False,
 )

@@ -15,9 +15,9 @@ limit. As |e| <= 2 the sum keeps the limits, and of
 
 for every state: no gain, limit or body makes it unstable in continuous time, and D damps every
 axis at least critically. From rest the kinetic energy stays below 4 k, so with rate ellipsoids k
-is at most a quarter of the largest energy that keeps them; a rate box does not bound it. Above the existence guard of the implicit step,
-``h |J omega| >= lambda_min(J)``, all of the torque brakes: tau = -J omega / (4 h), scaled into
-the whole limits.
+is at most a quarter of the largest energy that keeps them; a rate box does not bound it. Above the
+existence guard of the implicit step, ``h |J omega| >= lambda_min(J)``, all of the torque brakes:
+tau = -J omega / (4 h), scaled into the whole limits.
 """
 
 from __future__ import annotations

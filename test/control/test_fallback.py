@@ -151,3 +151,22 @@ def test_the_attitude_gets_half_of_the_smallest_limit_at_most() -> None:
     strong = FallbackLaw(CONFIGS['free']).torque(
         so3.exp([1.0, 0.0, 0.0]), np.zeros(3), np.eye(3))
     np.testing.assert_allclose(strong, [-0.6 / 4.0 ** 2 * 2.0 * np.sin(0.5), 0.0, 0.0], atol=1e-12)
+
+
+def test_from_rest_a_rate_ellipsoid_is_kept_and_would_be_broken_without() -> None:
+    """The stiffness is bounded by the largest energy that keeps the limit."""
+    E = 400.0 * np.eye(3)
+    limited, free = (configuration(max_torque_n_m=0.3, rate_ellipsoid_s2=E_s2)
+                     for E_s2 in (E, None))
+    largest = []
+    for config in (limited, free):
+        law, R, omega = FallbackLaw(config), so3.exp(np.array([0.0, 0.0, 3.0])), np.zeros(3)
+        forms = []
+        for _ in range(4000):
+            torque = law.torque(R, omega, np.eye(3))
+            R, omega = lgvi_step(R, omega, torque, inertia_kg_m2=config.inertia_kg_m2,
+                                 step_s=0.02, forcing='symmetric')
+            forms.append(float(omega @ E @ omega))
+        largest.append(max(forms))
+    assert largest[0] <= 1.0
+    assert largest[1] > 1.0
