@@ -15,9 +15,8 @@ from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.mpc import search
 from manifold_mpc_ros.mpc.backends.build import load_solver
-from manifold_mpc_ros.mpc.backends.local_solver import LocalSolver, Measure, Plan
+from manifold_mpc_ros.mpc.local_solver import LocalSolver, Measure, Plan
 from manifold_mpc_ros.mpc.program.numbers import numbers_of
-from manifold_mpc_ros.mpc.program.options import is_converged
 from manifold_mpc_ros.mpc.scaling import Array, scaling_of
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 from manifold_mpc_ros.mpc.stages.inequalities import structure_of
@@ -264,8 +263,7 @@ class AttitudeMpc:
         """Return how a solve ended."""
         if violation > VIOLATION or not self._inside:
             return SolveStatus.INFEASIBLE
-        converged = is_converged(plan.progress.flag, plan.progress.residual)
-        return SolveStatus.CONVERGED if converged else SolveStatus.FEASIBLE
+        return SolveStatus.CONVERGED if plan.progress.converged else SolveStatus.FEASIBLE
 
     def _failed(self, R_NB: ArrayLike, omega_BN_B: ArrayLike, elapsed_s: float
                 ) -> AttitudeMpcSolution:

@@ -16,7 +16,7 @@ from manifold_mpc_ros.mpc.attitude_mpc import (
     VIOLATION,
     AttitudeMpc,
 )
-from manifold_mpc_ros.mpc.backends.library import Course, Recording
+from manifold_mpc_ros.mpc.library import Course, Recording
 from manifold_mpc_ros.mpc.scaling import Array
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.mpc.backends.local_solver import LocalSolver, Measure, Plan, Progress
+from manifold_mpc_ros.mpc.local_solver import LocalSolver, Measure, Plan, Progress
 from manifold_mpc_ros.mpc.scaling import Array
 from manifold_mpc_ros.terminal.manifold import tangent_basis
 

@@ -21,7 +21,7 @@ from strategies import INERTIAS, generator
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc import search
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
-from manifold_mpc_ros.mpc.backends.local_solver import LocalSolver
+from manifold_mpc_ros.mpc.local_solver import LocalSolver
 from manifold_mpc_ros.mpc.program import fields as f
 from manifold_mpc_ros.mpc.stages.inequalities import inequalities_of
 

@@ -30,8 +30,8 @@ import casadi as ca
 from manifold_mpc_ros.errors import CacheError, ConfigurationError, SolverBuildError
 from manifold_mpc_ros.mpc import cache
 from manifold_mpc_ros.mpc.backends.code_generation import program_code
-from manifold_mpc_ros.mpc.backends.library import Library
-from manifold_mpc_ros.mpc.backends.local_solver import LocalSolver
+from manifold_mpc_ros.mpc.library import Library
+from manifold_mpc_ros.mpc.local_solver import LocalSolver
 from manifold_mpc_ros.mpc.program.field import Field
 from manifold_mpc_ros.mpc.program.structure import Structure
 from manifold_mpc_ros.mpc.scaling import Array

@@ -44,11 +44,6 @@ WARM_STARTS = ((1e-6, 30), (1e-3, 50), (1e-1, 200))
 RUNNING, CONVERGED, STALLED, OUT_OF_TIME = range(4)
 
 
-def is_converged(flag: int, residual: float) -> bool:
-    """Return whether a solve that ended so satisfies the optimality conditions."""
-    return flag == CONVERGED or (flag == STALLED and residual < ACCEPTABLE_RESIDUAL)
-
-
 def constants() -> dict[str, float]:
     """Return the numbers by name, for the C driver."""
     names = [name for name, value in globals().items()

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from manifold_mpc_ros.mpc.backends.library import Course, Library, Recording, Solve
+from manifold_mpc_ros.mpc.library import Course, Library, Recording, Solve
 from manifold_mpc_ros.mpc.program import fields as f
 from manifold_mpc_ros.mpc.program import options
 from manifold_mpc_ros.mpc.program.field import Field, Memory
@@ -33,6 +33,12 @@ class Progress(NamedTuple):
     residual: float
     flag: int
     passes: int
+
+    @property
+    def converged(self) -> bool:
+        """Whether it ended where the optimality conditions hold."""
+        return self.flag == options.CONVERGED or (
+            self.flag == options.STALLED and self.residual < options.ACCEPTABLE_RESIDUAL)
 
 
 class Report(NamedTuple):
@@ -81,15 +87,16 @@ class Plan:
         rows = layout_of(structure).rows(Memory.TRAJECTORY)
         self.memory = _aligned(_blocks(horizon, lanes) * rows * lanes)
         self.address = self.memory.ctypes.data
+        self._torque = _field_of(self.memory, structure, f.TORQUE, lanes)
 
     def field(self, field: Field) -> Array:
         """Return a field (N + 1, size), copied."""
-        return _per_stage(self.memory, self.structure, field, self.horizon, self._lanes)
+        return _copied(_field_of(self.memory, self.structure, field, self._lanes), self.horizon)
 
     @property
     def torques(self) -> Array:
         """Torques (N, 3), dimensionless."""
-        return self.field(f.TORQUE)[:-1]
+        return _copied(self._torque, self.horizon - 1)
 
 
 def _aligned(size: int) -> Array:
@@ -104,14 +111,17 @@ def _blocks(horizon: int, lanes: int) -> int:
     return -(-(horizon + 1) // lanes) + 2
 
 
-def _per_stage(memory: Array, structure: Structure, field: Field, horizon: int, lanes: int
-               ) -> Array:
-    """Copy a field (N + 1, size) out of its memory."""
+def _field_of(memory: Array, structure: Structure, field: Field, lanes: int) -> Array:
+    """Return a field as it lies in its memory, (blocks from stage 0 on, lanes, size)."""
     layout = layout_of(structure)
     first = layout.first_row(field)
     rows = memory.reshape(-1, layout.rows(field.memory), lanes)
-    values = rows[1:, first:first + field.size, :].transpose(0, 2, 1)
-    return values.reshape(-1, field.size)[:horizon + 1]
+    return rows[1:, first:first + field.size, :].transpose(0, 2, 1)
+
+
+def _copied(blocks: Array, last: int) -> Array:
+    """Return stages 0 to ``last`` of a field, (last + 1, size)."""
+    return blocks.reshape(-1, blocks.shape[-1])[:last + 1]
 
 
 class LocalSolver:
@@ -126,6 +136,7 @@ class LocalSolver:
         self._sides = [Plan(structure, horizon, lanes) for _ in range(2)]
         self._model = _aligned(_blocks(horizon, lanes) * layout.rows(Memory.MODEL) * lanes)
         self._globals = _aligned(layout.rows(Memory.GLOBAL))
+        self._poses = _field_of(self._model, structure, f.POSE, lanes)
         self._first = {field: layout.first_row(field) for field in layout.fields(Memory.GLOBAL)}
         self._measured, self._measure = self._first[f.MEASURED], self._first[f.MEASURE]
         self._report = self._first[f.FIRST_COST]
@@ -234,4 +245,4 @@ class LocalSolver:
 
     def poses(self) -> Array:
         """Return R_NB row by row and dimensionless rate (N + 1, 12) of the plan reported last."""
-        return _per_stage(self._model, self.structure, f.POSE, self.horizon, self._library.lanes)
+        return _copied(self._poses, self.horizon)
