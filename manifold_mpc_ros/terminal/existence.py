@@ -130,11 +130,17 @@ def _not_definite(linear: Linearisation) -> DesignError:
     n = len(linear.A)
     values, vectors = np.linalg.eigh(linear.hessian())
     worst = _turned(vectors[:, 0])
+    along = f'along xi = {_text(worst[:n])}, eta = {_text(worst[n:])}'
+    if values[0] > 0:
+        return DesignError(
+            'the weights are out of proportion: in units that suit the problem the Hessian of L '
+            f'at the equilibrium has eigenvalues from {values[0]:.3g} to {values[-1]:.3g}, more '
+            f'apart than rounding allows; what weighs too little is {along}')
     return DesignError(
         'the Hessian [[Q, N], [N^T, R]] of L at the equilibrium is not positive definite: '
         f'its smallest eigenvalue is {values[0]:.3g} (the largest is {values[-1]:.3g}), '
-        f'along xi = {_text(worst[:n])}, eta = {_text(worst[n:])}; the Riccati equation needs '
-        'a stage cost that weighs every state and every input')
+        f'{along}; the Riccati equation needs a stage cost that weighs every state and every '
+        'input')
 
 
 def _number(value: complex) -> str:

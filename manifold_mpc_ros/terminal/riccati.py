@@ -13,12 +13,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import solve_discrete_are
+from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 
 from manifold_mpc_ros.errors import DesignError
 from manifold_mpc_ros.terminal.existence import Existence, check_existence
 from manifold_mpc_ros.terminal.linearisation import Linearisation
 from manifold_mpc_ros.terminal.manifold import Array
+
+_NEWTON_STEPS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +50,9 @@ def solve_riccati(linear: Linearisation) -> RiccatiSolution:
     """
     existence = check_existence(linear)
     a, b, q, r, n = linear.balanced()
+    scale = float(np.abs(linear.hessian()).max())
     try:
-        balanced = solve_discrete_are(a, b, q, r, s=n)
+        balanced = scale * _refined(a, b, q / scale, r / scale, n / scale)
     except (np.linalg.LinAlgError, ValueError) as error:
         raise DesignError(f'the terminal Riccati equation has no stabilising solution: {error}'
                           ) from error
@@ -67,6 +70,21 @@ def solve_riccati(linear: Linearisation) -> RiccatiSolution:
     residual = float(np.abs(riccati_residual(linear, p)).max() / np.abs(p).max())
     return RiccatiSolution(p, k, residual, radius,
                            replace(existence, P_definiteness=float(values[0] / values[-1])))
+
+
+def _refined(a: Array, b: Array, q: Array, r: Array, n: Array) -> Array:
+    """Return P of the equation, as SciPy has it and then by Newton's method (Kleinman's).
+
+    Each step solves the Lyapunov equation of the law before. What the ordered QZ loses where the
+    closed loop is slow, poles near one, comes back: gains scale to 1e-9 (test_units.py).
+    """
+    p = solve_discrete_are(a, b, q, r, s=n)
+    for _ in range(_NEWTON_STEPS):
+        k = -np.linalg.solve(b.T @ p @ b + r, (a.T @ p @ b + n).T)
+        closed = a + b @ k
+        p = solve_discrete_lyapunov(closed.T, q + n @ k + k.T @ n.T + k.T @ r @ k)
+        p = (p + p.T) / 2
+    return np.asarray(p)
 
 
 def riccati_gain(linear: Linearisation, p: Array) -> Array:

@@ -49,8 +49,7 @@ class RigidBody:
         self.guard = existence_guard(self.inertia)
         self.rate_hessian = trace_hessian(config.rate_weight) / self.h ** 2
         self.torque_hessian = trace_hessian(config.torque_weight)
-        self.rate_unit = 1 / self.h
-        self.torque_unit = float(np.trace(self.inertia)) / 3 / self.h ** 2
+        self.rate_unit, self.torque_unit = natural_units(config)
 
     def problem(
         self, name: str, errors: Manifold, turned: Callable[[ca.SX, ca.SX], ca.SX],
@@ -140,6 +139,21 @@ class RigidBody:
     def _turned(turn: ca.SX, m: ca.SX) -> ca.SX:
         """Return ``f^T m``."""
         return rotation_from_quaternion(turn).T @ m
+
+
+def natural_units(config: AttitudeMpcConfig) -> tuple[float, float]:
+    """Return units of rate [rad/s] and torque [N m] in which the terminal design is of order one.
+
+    With mean weights ``q theta^2 + r tau^2`` and mean inertia J, the continuous optimum turns at
+    the frequency ``w = (q / r)^(1/4) / J^(1/2)``. Where that is slower than the step, the units
+    are w and J w^2, in which angle and torque weigh alike whatever the units of inertia, torque
+    and cost; where it is faster, the step is the unit of time.
+    """
+    inertia = float(np.trace(config.inertia_kg_m2)) / 3
+    turn, effort = (float(np.trace(trace_hessian(weight))) for weight in (
+        config.error_weight, config.torque_weight))
+    frequency = min(1 / config.step_s, (turn / effort) ** 0.25 / inertia ** 0.5)
+    return frequency, inertia * frequency ** 2
 
 
 def trace_hessian(weight: Array) -> Array:
