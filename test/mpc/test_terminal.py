@@ -129,5 +129,5 @@ def test_value_iteration_gives_the_same_cost_and_law(designs: Designs, case: str
 def test_an_impossible_weight_is_a_design_error() -> None:
     """Torque so dear that the closed loop is nearer to standing still than rounding tells."""
     assert terminal_design(configuration(torque_weight=1e14 * np.eye(3))).closed_loop_radius < 1
-    with pytest.raises(DesignError, match='Riccati|stabilisable'):
+    with pytest.raises(DesignError, match=r'Riccati|stabilisable'):
         terminal_design(configuration(torque_weight=1e26 * np.eye(3)))
