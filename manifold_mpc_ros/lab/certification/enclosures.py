@@ -21,16 +21,21 @@ from manifold_mpc_ros.terminal.problem_of import terminal_design
 KINDS = ('attitude', 'pointing', 'double integrator')
 
 
+# Limits that a certificate names where the configuration has them.
+_WHERE_GIVEN = {'rate_ellipsoid_s2', 'max_rate_norm_rad_s', 'max_kinetic_energy_j'}
+
+
 def describe(config: AttitudeMpcConfig) -> tuple[str, dict[str, Any]]:
     """Map a configuration to (kind, values), the values plain JSON that keeps every bit."""
-    return config.target, {entry.name: _plain(getattr(config, entry.name))
-                           for entry in fields(config)}
+    values = {entry.name: getattr(config, entry.name) for entry in fields(config)}
+    return config.target, {name: _plain(value) for name, value in values.items()
+                           if name not in _WHERE_GIVEN or value is not None}
 
 
 def configuration_of(values: Mapping[str, Any]) -> AttitudeMpcConfig:
     """Map the values of `describe` back; raises ConfigurationError when they are not valid."""
     known = {entry.name for entry in fields(AttitudeMpcConfig)}
-    strange = sorted(set(values) ^ known)
+    strange = sorted((set(values) ^ known) - (_WHERE_GIVEN - set(values)))
     if strange:
         raise ManifoldMpcError(f'the configuration has other keys than this version: {strange}')
     return AttitudeMpcConfig(**{name: _unplain(value) for name, value in values.items()})
