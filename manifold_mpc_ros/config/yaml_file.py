@@ -55,7 +55,8 @@ def read_parameter_file(path: str | Path, node_name: str) -> dict[str, Any]:
     names = _full_names(keys, node_name)
     if not names:
         raise ConfigurationError(
-            str(path), keys, f'a section {node_name!r} with the key {PARAMETERS_KEY!r}')
+            str(path), keys or 'no section',
+            f'a section {node_name!r} with the key {PARAMETERS_KEY!r}')
     if len(names) > 1:
         raise ConfigurationError(str(path), names, f'one section for {node_name!r}')
     found: dict[str, Any] = {}

@@ -30,7 +30,7 @@ class Outcome(NamedTuple):
 
 @pytest.fixture(scope='module')
 def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
-    """Run the paper's law with few samples in CasADi's virtual machine."""
+    """Run the paper's law with few samples."""
     folder = tmp_path_factory.mktemp('discontinuity')
     coarse = functools.partial(
         study.study_antipode, radii_deg=(10.0,), samples=12, rings=2)

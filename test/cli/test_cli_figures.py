@@ -29,7 +29,7 @@ class Outcome(NamedTuple):
 
 @pytest.fixture(scope='module')
 def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
-    """Run the verb once, as it is shipped, in CasADi's virtual machine."""
+    """Run the verb once, as it is shipped."""
     folder = tmp_path_factory.mktemp('figures')
     with pytest.MonkeyPatch.context() as patch:
         lines: list[str] = []

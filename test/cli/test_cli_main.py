@@ -125,7 +125,8 @@ def test_a_missing_file_is_named(
 
 
 @pytest.mark.parametrize(('text', 'word'), [
-    ('{unclosed: [1, 2', 'YAML'), ('just words', 'parameter file'), ('', 'parameter file'),
+    ('{unclosed: [1, 2', 'ROS'), ('just words', 'attitude_controller'),
+    ('', 'attitude_controller'),
     ('/**/other:\n  ros__parameters: {}\n', 'attitude_controller'),
 ])
 @pytest.mark.parametrize('verb', ['simulate', 'design', 'demo'])

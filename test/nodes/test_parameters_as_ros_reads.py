@@ -23,6 +23,8 @@ pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 
 from harness import child_environment, reserved_domain
 
+# Thousands of nodes start, one after the other.
+pytestmark = pytest.mark.timeout(1500)
 FULL_NAME = '/sat1/attitude_controller'
 Given = list[list[str]] | None
 Oracle = Callable[[str], Given]

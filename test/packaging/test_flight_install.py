@@ -33,7 +33,7 @@ import manifold_mpc_ros as m
 from pathlib import Path
 config = m.AttitudeMpcConfig.from_yaml(Path(m.__file__).parents[4] / 'share/manifold_mpc_ros'
                                        '/config/controller.yaml')
-print(m.AttitudeMpc(config, backend='vm').solve([[-1, 0, 0], [0, -1, 0], [0, 0, 1]], [0, 0, 0])
+print(m.AttitudeMpc(config).solve([[-1, 0, 0], [0, -1, 0], [0, 0, 1]], [0, 0, 0])
       .status.value)"""
     solved = run([*AFRESH, flight_prefix / 'bin/python', '-c', program], cwd=tmp_path)
     assert solved == 'converged\n'

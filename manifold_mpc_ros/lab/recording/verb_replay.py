@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 EXAMPLES = """\
   manifold-mpc replay results/bags/rest_to_rest_90
       in lockstep; with the build that recorded it every torque has to have the same bits
-  manifold-mpc replay my_bag --backend vm --tolerance 1e-9
-      the same law in CasADi's virtual machine, within 1e-9 N m
+  manifold-mpc replay my_bag --tolerance 1e-9
+      within 1e-9 N m, whatever build recorded it
   manifold-mpc replay my_bag --rate 2
       by the stamps of the states, twice as fast as real time
   manifold-mpc replay theirs.mcap --pose /pose --twist /twist --controller-config mine.yaml

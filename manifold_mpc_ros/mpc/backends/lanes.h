@@ -2,7 +2,7 @@
  * SPDX-License-Identifier: Apache-2.0
  *
  * Vector lanes and the memory layout of the generated phases. Comparisons give 1.0 or 0.0, as
- * in CasADi's virtual machine.
+ * CasADi's instructions do.
  */
 #include <math.h>
 #include <stdint.h>
