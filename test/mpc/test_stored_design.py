@@ -69,7 +69,7 @@ def test_without_a_place_to_keep_it_it_is_designed(tmp_path: Path) -> None:
 
 
 def test_a_design_that_does_not_exist_leaves_nothing(tmp_path: Path) -> None:
-    impossible = replace(CONFIG, torque_weight=1e14 * np.eye(3))
+    impossible = replace(CONFIG, rate_weight=1e30 * np.eye(3))
     with pytest.raises(DesignError):
         stored_design(impossible, tmp_path)
     assert list(tmp_path.iterdir()) == []

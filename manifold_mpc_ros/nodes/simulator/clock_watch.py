@@ -16,7 +16,7 @@ from manifold_mpc_ros.nodes.managed_node import INPUT_QOS, ManagedNode
 from manifold_mpc_ros.nodes.publisher_watch import PublisherWatch
 
 TOPIC = '/clock'
-#: A publisher is found before its name is; a conflict without every name is said after this [s].
+#: A publisher is found before its name is; without every name it is said after this [s].
 LONGEST_NAMING_S = 1.0
 UNKNOWN = 'a program without a name'
 
@@ -72,10 +72,14 @@ class ClockWatch:
     def _say_ignored(self) -> None:
         """Note, and say once, that there is a clock which this node does not follow."""
         before, self.ignores = self.ignores, ''
-        if self.publishers:
-            self.ignores = (f'stamps follow the system clock, not {self._topic} of '
-                            f'{" and ".join(self.publishers)}; use_sim_time: true follows it')
-        if self.ignores and not before:
+        if not self.publishers:
+            self._said = False
+            return
+        self.ignores = (f'stamps follow the system clock, not {self._topic} of '
+                        f'{" and ".join(self.publishers)}; use_sim_time: true follows it')
+        if not before:
+            self._since_s = time.monotonic()
+        if self._is_time_to_say():
             self._node.get_logger().warning(self.ignores)
 
     def _ignore_messages(self) -> None:
@@ -99,12 +103,18 @@ class ClockWatch:
 
     def _say_conflict(self) -> None:
         """Say the conflict once, with every name, or without when it does not become known."""
-        late = time.monotonic() - self._since_s > LONGEST_NAMING_S
-        if not self._said and (UNKNOWN not in self.publishers or late):
-            self._said = True
+        if self._is_time_to_say():
             self.conflict = self._words()
             self._node.get_logger().error(
                 f'{self.conflict}; simulated time stands still here until ~/reset')
+
+    def _is_time_to_say(self) -> bool:
+        """Return True once, when every publisher's name is known or does not become known."""
+        late = time.monotonic() - self._since_s > LONGEST_NAMING_S
+        if self._said or (UNKNOWN in self.publishers and not late):
+            return False
+        self._said = True
+        return True
 
 
 def _name(publisher: TopicEndpointInfo) -> str:
