@@ -15,7 +15,7 @@ from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.mpc import search
 from manifold_mpc_ros.mpc.backends.build import load_solver
-from manifold_mpc_ros.mpc.local_solver import LocalSolver, Measure, Plan
+from manifold_mpc_ros.mpc.local_solver import LocalSolver, Plan, StateReport
 from manifold_mpc_ros.mpc.program.numbers import numbers_of
 from manifold_mpc_ros.mpc.scaling import Array, scaling_of
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
@@ -30,10 +30,10 @@ SHIFTED_BARRIER = 1e-12
 NO_LEVEL = 1e12
 # A relative violation of a state limit above this makes a plan infeasible.
 VIOLATION = 1e-6
-# The warm plan is kept while its value stays within this of what the last plan promised, and
+# The warm plan is kept while its value stays within this of V - L of the last plan, and
 # always when less than this angle [rad] is left to turn: no other side can win there.
-PROMISE = 1e-2
-LEAST_PROMISE = 1e-3
+VALUE_SLACK = 1e-2
+LEAST_VALUE = 1e-3
 SEARCH_ANGLE_RAD = np.pi / 2
 # A commanded attitude that moved by more than this [rad] forgets the warm start.
 SETPOINT_MOVED_RAD = 1e-3
@@ -55,7 +55,7 @@ class AttitudeMpc:
     is 'infeasible'. From a cold start the
     search covers both sides of the 180 degree set and the torque octants; later ticks improve
     the shifted plan, which keeps the side of the turn, and search again only when the plan's
-    value breaks the decrease promised by the last one with more than 90 degrees left to turn,
+    value exceeds the bound V - L of the last one with more than 90 degrees left to turn,
     or when it does not converge.
     """
 
@@ -92,13 +92,13 @@ class AttitudeMpc:
         inertia = config.inertia_kg_m2 / (self._unit.torque_n_m * self._unit.time_s ** 2)
         self._guard_squared = float(np.linalg.eigvalsh(inertia)[0]) ** 2
         self._R_ND = _IDENTITY
-        self._promised: float | None = None
+        self._value_bound: float | None = None
         self._inside = True
         self._deadline_s = math.inf
 
     def reset(self) -> None:
         """Forget the warm start; the next solve searches globally."""
-        self._promised = None
+        self._value_bound = None
 
     def solve(self, R_NB: ArrayLike, omega_BN_B: ArrayLike, R_ND: ArrayLike | None = None, *,
               max_solve_time_s: float | None = None) -> AttitudeMpcSolution:
@@ -126,11 +126,11 @@ class AttitudeMpc:
         begin = time.perf_counter()
         self._deadline_s = (math.inf if max_solve_time_s is None
                             else time.monotonic() + max_solve_time_s)
-        measure = self._measure(R_NB, omega_BN_B, R_ND)
-        if measure is None:
+        state = self._set_state(R_NB, omega_BN_B, R_ND)
+        if state is None:
             self.reset()
             return self._failed(R_NB, omega_BN_B, time.perf_counter() - begin)
-        plan, passes, searched = self._find_plan(measure)
+        plan, passes, searched = self._find_plan(state)
         return self._answer(plan, passes, searched, begin)
 
     def solve_local(self, R_NB: ArrayLike, omega_BN_B: ArrayLike) -> AttitudeMpcSolution:
@@ -140,13 +140,13 @@ class AttitudeMpc:
         """
         begin = time.perf_counter()
         self._deadline_s, self._inside = math.inf, True
-        if self._measure(R_NB, omega_BN_B, None) is None:
+        if self._set_state(R_NB, omega_BN_B, None) is None:
             return self._failed(R_NB, omega_BN_B, time.perf_counter() - begin)
         plan, passes = search.global_search(self._strict, self._starts[:1], self._spare[2:])
         return self._answer(plan, passes, False, begin)
 
-    def _measure(self, R_NB: ArrayLike, omega_BN_B: ArrayLike, R_ND: ArrayLike | None
-                 ) -> Measure | None:
+    def _set_state(self, R_NB: ArrayLike, omega_BN_B: ArrayLike, R_ND: ArrayLike | None
+                 ) -> StateReport | None:
         """Hand a state to the solvers; None when it cannot be predicted from."""
         attitude = self._R_NB = np.asarray(R_NB, dtype=float)
         omega = self._omega = np.asarray(omega_BN_B, dtype=float)
@@ -156,14 +156,14 @@ class AttitudeMpc:
             if value.shape != shape:
                 raise ConfigurationError(name, value.shape, f'an array of shape {shape}')
         rate, self._begun_s = omega * self._unit.time_s, self._elapsed_s()
-        measure = self._strict.measure(attitude, target, rate)
-        if measure.defect > ROTATION_DEFECT or measure.momentum_squared >= self._guard_squared:
+        state = self._strict.set_state(attitude, target, rate)
+        if state.defect > ROTATION_DEFECT or state.momentum_squared >= self._guard_squared:
             return None
         if self._relaxed is not self._strict:
-            self._relaxed.measure(attitude, target, rate)
+            self._relaxed.set_state(attitude, target, rate)
         if target is not self._R_ND and not np.array_equal(target, self._R_ND):
             self._aim(target)
-        return measure
+        return state
 
     def _aim(self, target: Array) -> None:
         """Forget the warm start where the commanded attitude has moved."""
@@ -171,33 +171,33 @@ class AttitudeMpc:
             self.reset()
         self._R_ND = target if target is _IDENTITY else target.copy()
 
-    def _find_plan(self, measure: Measure) -> tuple[Plan | None, int, bool]:
+    def _find_plan(self, state: StateReport) -> tuple[Plan | None, int, bool]:
         """Return the plan, the passes used, and whether the global search ran.
 
         First with the terminal set; when that cannot be reached, without it. From outside D_N
         the set is tried again at every tick, from the shifted plan only.
         """
         was_inside, passes, searched = self._inside, 0, False
-        near = measure.angle_rad < SEARCH_ANGLE_RAD
-        if self._promised is not None:
+        near = state.angle_rad < SEARCH_ANGLE_RAD
+        if self._value_bound is not None:
             plan, passes = self._improve(self._strict)
             if plan is not None and self._reaches_set(plan) and (
-                    near or not was_inside or self._keeps_promise(plan)):
+                    near or not was_inside or self._keeps_value_bound(plan)):
                 self._inside = True
                 return plan, passes, False
-        if self._promised is None or was_inside:
-            plan, more = self._search(self._strict, measure)
+        if self._value_bound is None or was_inside:
+            plan, more = self._search(self._strict, state)
             passes, searched = passes + more, True
             if self._relaxed is self._strict or (plan is not None and self._reaches_set(plan)):
                 self._inside = True
                 return plan, passes, True
         self._inside = False
-        if self._promised is not None:
+        if self._value_bound is not None:
             plan, more = self._improve(self._relaxed)
             passes += more
-            if plan is not None and (near or self._keeps_promise(plan)):
+            if plan is not None and (near or self._keeps_value_bound(plan)):
                 return plan, passes, searched
-        plan, more = self._search(self._relaxed, measure)
+        plan, more = self._search(self._relaxed, state)
         return plan, passes + more, True
 
     def _improve(self, solver: LocalSolver) -> tuple[Plan | None, int]:
@@ -208,13 +208,13 @@ class AttitudeMpc:
         solver.keep(self._spare[0])
         return self._spare[0], passes
 
-    def _search(self, solver: LocalSolver, measure: Measure
+    def _search(self, solver: LocalSolver, state: StateReport
                 ) -> tuple[Plan | None, int]:
         """Return the best of the global search and the shifted plan, and the passes it took."""
         pointing = solver.structure.pointing
-        due = [start for start in self._starts if search.is_due(start, measure, pointing)]
+        due = [start for start in self._starts if search.is_due(start, state, pointing)]
         best, passes = search.global_search(solver, due, self._spare[2:], self._deadline_s)
-        if best is not None and self._promised is not None:
+        if best is not None and self._value_bound is not None:
             solver.begin_shift(SHIFTED_BARRIER, self._plan)
             shifted = self._spare[1]
             solver.keep(shifted)
@@ -226,10 +226,10 @@ class AttitudeMpc:
         """Return whether a plan ends in the terminal set."""
         return self._strict.report(plan).terminal_violation <= VIOLATION
 
-    def _keeps_promise(self, plan: Plan) -> bool:
-        """Return whether a plan's value (with penalties) is what the last plan promised."""
-        assert self._promised is not None
-        bound = self._promised + PROMISE * max(abs(self._promised), LEAST_PROMISE)
+    def _keeps_value_bound(self, plan: Plan) -> bool:
+        """Return whether a plan's value (with penalties) is within the bound of the last plan."""
+        assert self._value_bound is not None
+        bound = self._value_bound + VALUE_SLACK * max(abs(self._value_bound), LEAST_VALUE)
         return plan.progress.cost <= bound
 
     def _answer(self, plan: Plan | None, passes: int, searched: bool, begin: float
@@ -241,7 +241,7 @@ class AttitudeMpc:
         place = self._spare.index(plan)
         self._plan, self._spare[place] = plan, self._plan
         report, unit = self._strict.report(plan), self._unit
-        self._promised = plan.progress.cost - report.first_cost
+        self._value_bound = plan.progress.cost - report.first_cost
         cost = plan.progress.cost - report.penalties
         torques, poses = plan.torques * unit.torque_n_m, self._strict.poses()
         violation = max(report.violation,

@@ -30,12 +30,12 @@ class Course(ctypes.Structure):
     """A closed loop that the solver runs by itself: when to stop, and what is recorded.
 
     The struct ``course`` of driver.c. A tick is not taken when its plan violates a limit by more
-    than ``violation``, or costs more than the one before promised plus ``promise`` of it (at least
-    of ``least_promise``) with ``near_rad`` or more left to turn.
+    than ``violation``, or costs more than V - L of the plan before plus ``value_slack`` of that
+    (at least of ``least_value``) with ``near_rad`` or more left to turn.
     """
 
     _fields_ = [(name, kind) for kind, names in (  # type: ignore[misc]
-        (ctypes.c_double, 'near_rad violation promise least_promise promised'),
+        (ctypes.c_double, 'near_rad violation value_slack least_value value_bound'),
         (ctypes.c_void_p, 'states torques costs passes'), (ctypes.c_long, 'ticks'),
     ) for name in names.split()]
 
@@ -60,7 +60,7 @@ class Library:
     """The functions of a compiled solver (driver.c), as attributes of their names."""
 
     prepare: Callable[..., int]
-    measure: Callable[..., int]
+    set_state: Callable[..., int]
     begin_slew: Callable[..., int]
     begin_shift: Callable[..., int]
     iterate: Callable[..., int]
@@ -69,16 +69,16 @@ class Library:
     advance: Callable[..., int]
     follow: Callable[..., int]
     model: Callable[..., int]
-    trial: Callable[..., int]
+    try_step: Callable[..., int]
 
     def __init__(self, path: Path) -> None:
         """Load it; raises SolverBuildError when it cannot be loaded."""
         pointer, double, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_long
         signatures: dict[str, tuple[Any, ...]] = {
-            'prepare': (), 'measure': (), 'begin_slew': (double, pointer, integer),
+            'prepare': (), 'set_state': (), 'begin_slew': (double, pointer, integer),
             'begin_shift': (double, pointer), 'iterate': (integer, double),
             'improve': (pointer, double), 'report': (pointer,), 'advance': (),
-            'follow': (pointer, pointer, integer), 'model': (double,), 'trial': (double,)}
+            'follow': (pointer, pointer, integer), 'model': (double,), 'try_step': (double,)}
         try:
             library = ctypes.CDLL(str(path))
             self.lanes = int(library.mpc_lane_count())

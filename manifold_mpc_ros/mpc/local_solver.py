@@ -57,7 +57,7 @@ class Report(NamedTuple):
     terminal_violation: float
 
 
-class Measure(NamedTuple):
+class StateReport(NamedTuple):
     """Of a state: whether it can be used, and how hard the turn is.
 
     Distance of its rotations from SO(3); |J omega|^2; angle left to turn [rad]; angle that it
@@ -74,7 +74,7 @@ class Measure(NamedTuple):
 
 
 #: What is said of a state that is not finite.
-UNUSABLE = Measure(np.inf, np.inf, np.nan, np.nan, np.nan, np.nan)
+UNUSABLE = StateReport(np.inf, np.inf, np.nan, np.nan, np.nan, np.nan)
 
 
 class Plan:
@@ -138,7 +138,7 @@ class LocalSolver:
         self._globals = _aligned(layout.rows(Memory.GLOBAL))
         self._poses = _field_of(self._model, structure, f.POSE, lanes)
         self._first = {field: layout.first_row(field) for field in layout.fields(Memory.GLOBAL)}
-        self._measured, self._measure = self._first[f.MEASURED], self._first[f.MEASURE]
+        self._measured, self._state_report = self._first[f.MEASURED], self._first[f.STATE_REPORT]
         self._report = self._first[f.FIRST_COST]
         for field, values in numbers.items():
             self._global(field)[:] = values
@@ -156,7 +156,7 @@ class LocalSolver:
         first = self._first[field]
         return self._globals[first:first + field.size]
 
-    def measure(self, R_NB: Array, R_ND: Array, omega: Array) -> Measure:
+    def set_state(self, R_NB: Array, R_ND: Array, omega: Array) -> StateReport:
         """Set the state from attitude, commanded attitude (3, 3) and dimensionless rate (3,)."""
         g, first = self._globals, self._measured
         g[first:first + 9] = R_NB.ravel()
@@ -164,8 +164,8 @@ class LocalSolver:
         g[first + 18:first + 21] = omega
         if not math.isfinite(g[first:first + 21].sum()):
             return UNUSABLE
-        self._library.measure(self._address)
-        return Measure(*g[self._measure:self._measure + 6].tolist())
+        self._library.set_state(self._address)
+        return StateReport(*g[self._state_report:self._state_report + 6].tolist())
 
     def flip(self) -> None:
         """Turn the sign of the starting quaternion: the slew goes the other way round."""

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from manifold_mpc_ros.mpc.attitude_mpc import (
-    LEAST_PROMISE,
-    PROMISE,
+    LEAST_VALUE,
     SEARCH_ANGLE_RAD,
+    VALUE_SLACK,
     VIOLATION,
     AttitudeMpc,
 )
@@ -91,11 +91,11 @@ class LoopingMpc(AttitudeMpc):
 
     def _follow(self, recording: Recording, tick: int) -> int:
         """Run the ticks that need no search; return the first that does."""
-        if not self._inside or self._promised is None:
+        if not self._inside or self._value_bound is None:
             return tick
-        course = Course(near_rad=SEARCH_ANGLE_RAD, violation=VIOLATION, promise=PROMISE,
-                        least_promise=LEAST_PROMISE, promised=self._promised,
+        course = Course(near_rad=SEARCH_ANGLE_RAD, violation=VIOLATION, value_slack=VALUE_SLACK,
+                        least_value=LEAST_VALUE, value_bound=self._value_bound,
                         ticks=len(recording.costs))
         tick = self._strict.follow(self._plan, course, recording, tick)
-        self._promised = float(course.promised)
+        self._value_bound = float(course.value_bound)
         return tick

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.mpc.local_solver import LocalSolver, Measure, Plan, Progress
+from manifold_mpc_ros.mpc.local_solver import LocalSolver, Plan, Progress, StateReport
 from manifold_mpc_ros.mpc.scaling import Array
 from manifold_mpc_ros.terminal.manifold import tangent_basis
 
@@ -74,7 +74,7 @@ def starts(config: AttitudeMpcConfig) -> tuple[Start, ...]:
                               for x, y, z in (first, -first, second, -second))
 
 
-def is_due(start: Start, measure: Measure, pointing: bool) -> bool:
+def is_due(start: Start, state: StateReport, pointing: bool) -> bool:
     """Return whether a start can lead to the best plan from a state.
 
     The short way always can; the long way only when enough is left to turn. Out of the plane it
@@ -83,14 +83,14 @@ def is_due(start: Start, measure: Measure, pointing: bool) -> bool:
     the half turn for a body that is much quicker about another axis. Found by comparison with all
     starts on random and half turns (docs/solver.md), not proved.
     """
-    turn = measure.angle_rad + measure.braking_rad
+    turn = state.angle_rad + state.braking_rad
     if not start.leans:
         return not start.long_way or turn > LONG_WAY_RAD
     if pointing:
         return turn > POINTING_RAD
     beside = np.pi - turn
-    alone = measure.second_torque < 0.25 and beside < 0.05 + 0.17 * (measure.weakness - 1.0)
-    return alone or (beside < 0.035 and measure.weakness > 2.0)
+    alone = state.second_torque < 0.25 and beside < 0.05 + 0.17 * (state.weakness - 1.0)
+    return alone or (beside < 0.035 and state.weakness > 2.0)
 
 
 def lean_steps(horizon: int) -> int:

@@ -59,7 +59,7 @@ class Probe(LocalSolver):
 
     def merit(self, length: float) -> float:
         """Return the merit of a trial of some length."""
-        self._library.trial(self._address, length)
+        self._library.try_step(self._address, length)
         cost, logs, _ = self._global(f.SUMS).tolist()
         return float(cost - self._mu * logs)
 
@@ -78,7 +78,7 @@ def starts(probe: Probe, n: int, mu: float) -> Any:
     rng, found, plan = generator('model'), 0, probe.new_plan()
     while found < n:
         R, omega = so3.random_rotations(rng, 1)[0], rng.uniform(-0.1, 0.1, 3)
-        probe.measure(R, np.eye(3), omega)
+        probe.set_state(R, np.eye(3), omega)
         probe.begin_slew(mu, np.zeros(3), 1)
         probe.keep(plan)
         multipliers = [plan.field(each.multiplier)[1:] for each in inequalities_of(probe.structure)
@@ -107,7 +107,7 @@ def test_a_wrong_gradient_would_be_seen(probe: Probe) -> None:
     mu, h = search.COLD_BARRIER, 1e-4
     states = list(starts(probe, 2, mu))
     decrease, _ = probe.modelled(mu)
-    probe.measure(states[0][0], np.eye(3), states[0][1])
+    probe.set_state(states[0][0], np.eye(3), states[0][1])
     probe.begin_slew(mu, np.zeros(3), 1)
     slope = (probe.merit(h) - probe.merit(-h)) / (2 * h)
     assert abs(slope + decrease) > 1e-2 * decrease

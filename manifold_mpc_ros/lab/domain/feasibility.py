@@ -50,7 +50,7 @@ class Feasibility:
 
         The torques steer it into the terminal set within all limits.
         """
-        self._solver.measure(R_NB, np.eye(3), omega_BN_B * self._unit.time_s)
+        self._solver.set_state(R_NB, np.eye(3), omega_BN_B * self._unit.time_s)
         for start in self._starts:
             search.begin(self._solver, start)
             while not self._is_feasible():
@@ -64,7 +64,7 @@ class Feasibility:
 
     def terminal_ratio(self, R_NB: Array, omega_BN_B: Array) -> float:
         """Return ``xi^T P xi / c`` of a state, at most 1 in X_T = D_0."""
-        self._solver.measure(R_NB, np.eye(3), omega_BN_B * self._unit.time_s)
+        self._solver.set_state(R_NB, np.eye(3), omega_BN_B * self._unit.time_s)
         search.begin(self._solver, self._starts[0])
         self._solver.keep(self._plan)
         return self._solver.report(self._plan).first_level

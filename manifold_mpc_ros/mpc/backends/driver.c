@@ -78,9 +78,9 @@ void mpc_begin_shift(solve *s, double mu, const double *kept)
 }
 
 /* Set the state from what was measured. */
-void mpc_measure(solve *s)
+void mpc_set_state(solve *s)
 {
-    run_measure(s->plan, s->fresh, s->model, s->g, s->horizon);
+    run_set_state(s->plan, s->fresh, s->model, s->g, s->horizon);
 }
 
 /* Say what the caller wants to know of a plan. */
@@ -105,7 +105,7 @@ static double search_length(solve *s)
     double length = reach > BOUNDARY ? BOUNDARY / reach : 1.0;
     for (; length > SMALLEST_STEP; length *= BACKTRACK) {
         s->g[LENGTH] = length;
-        run_trial(s->plan, s->fresh, s->model, s->g, s->horizon);
+        run_trial_step(s->plan, s->fresh, s->model, s->g, s->horizon);
         if (accepts(s, length))
             return length;
     }
@@ -133,10 +133,10 @@ void mpc_model(solve *s, double mu)
     model_plan(s);
 }
 
-void mpc_trial(solve *s, double length)
+void mpc_try_step(solve *s, double length)
 {
     s->g[LENGTH] = length;
-    run_trial(s->plan, s->fresh, s->model, s->g, s->horizon);
+    run_trial_step(s->plan, s->fresh, s->model, s->g, s->horizon);
 }
 
 static double lowered(double exact)
@@ -209,17 +209,17 @@ long mpc_improve(solve *s, const double *kept, double deadline_s)
 }
 
 typedef struct {
-    double near_rad, violation, promise, least_promise;
-    double promised;
+    double near_rad, violation, value_slack, least_value;
+    double value_bound;
     double *states, *torques, *costs;
     long *passes;
     long ticks;
 } course;
 
-static int keeps_promise(const solve *s, const course *c)
+static int keeps_value_bound(const solve *s, const course *c)
 {
-    double slack = c->promise * fmax(fabs(c->promised), c->least_promise);
-    return s->cost <= c->promised + slack;
+    double slack = c->value_slack * fmax(fabs(c->value_bound), c->least_value);
+    return s->cost <= c->value_bound + slack;
 }
 
 static void record(const solve *s, course *c, long tick)
@@ -230,7 +230,7 @@ static void record(const solve *s, course *c, long tick)
         c->torques[3 * tick + i] = s->g[APPLIED + i] = s->plan[AT(TRAJECTORY_ROWS, TORQUE + i, 0)];
     memcpy(c->states + 12 * tick, s->g + MEASURED, 9 * sizeof(double));
     memcpy(c->states + 12 * tick + 9, s->g + MEASURED + 18, 3 * sizeof(double));
-    c->promised = s->cost - s->g[FIRST_COST];
+    c->value_bound = s->cost - s->g[FIRST_COST];
 }
 
 /* Apply the first torque of a plan to the body: the next measured state. */
@@ -239,18 +239,18 @@ void mpc_advance(solve *s)
     run_plant(s->plan, s->fresh, s->model, s->g, s->horizon);
 }
 
-/* Close the loop from tick `first` on while every warm start gives a plan that keeps the promise
+/* Close the loop from tick `first` on while every warm start gives a plan within the value bound
  * of the one before; return the first tick that needs more than that. */
 long mpc_follow(solve *s, double *kept, course *c, long first)
 {
     size_t size = BLOCK(TRAJECTORY_ROWS, 0, s->horizon + LANES) * sizeof(double);
     for (long tick = first; tick < c->ticks; ++tick) {
-        mpc_measure(s);
+        mpc_set_state(s);
         if (!mpc_improve(s, kept, INFINITY))
             return tick;
         mpc_report(s, s->plan);
         if (s->g[MISSED] > c->violation || s->g[VIOLATION] > c->violation
-            || !(s->g[MEASURE + 2] < c->near_rad || keeps_promise(s, c)))
+            || !(s->g[STATE_REPORT + 2] < c->near_rad || keeps_value_bound(s, c)))
             return tick;
         memcpy(kept, s->plan, size);
         record(s, c, tick);

@@ -49,7 +49,7 @@ CONTROL = Field('control', 3, _MODEL)      # of the linear roll-out, and its sta
 TURN, MOVE = Field('turn', 3, _MODEL), Field('move', 3, _MODEL)
 TORQUE_CHANGE = Field('torque_change', 3, _MODEL)
 REACH = Field('reach', 1, _MODEL)
-# Trial.
+# Trial step.
 MOMENTUM_AFTER = Field('momentum_after', 3, _MODEL)
 MOMENTUM_BEFORE = Field('momentum_before', 3, _MODEL)
 SOUND_STEP = Field('sound_step', 1, _MODEL)      # positive: on its branch, within its limits
@@ -74,9 +74,9 @@ LEAN = Field('lean', 3, _MODEL)            # of a slew's first steps
 START = Field('start', 7, _GLOBAL)         # measured attitude and momentum
 CHAIN = Field('chain', 7, _GLOBAL)         # the same of the stage that a roll-out has reached
 # What a caller measured: R_NB and R_ND row by row, the dimensionless rate; and what follows from
-# it (solver.Measure).
+# it (local_solver.StateReport).
 MEASURED = Field('measured', 21, _GLOBAL)
-MEASURE = Field('measure', 6, _GLOBAL)
+STATE_REPORT = Field('state_report', 6, _GLOBAL)
 # A body that the loop is closed with: inertia, column by column, disturbance torque and the torque
 # that is applied, dimensionless.
 BODY = Field('body', 12, _GLOBAL)

@@ -25,19 +25,19 @@ from manifold_mpc_ros.mpc.stages.inequalities import torque_inequalities
 class Program(NamedTuple):
     """The parts of a solve, each a sequence of phases.
 
-    ``measure`` sets the state; ``slew`` or ``shift`` roll a start out; ``cold`` or ``warm`` put
-    its barrier variables where the solve begins; ``backward`` models a trajectory, ``trial`` makes
-    the next one; ``report`` says what the caller of a solve wants to know; ``plant`` moves a body
-    on by one step.
+    ``set_state`` sets the state; ``slew`` or ``shift`` roll a start out; ``cold`` or ``warm`` put
+    its barrier variables where the solve begins; ``backward`` models a trajectory, ``trial_step``
+    makes the next one; ``report`` says what the caller of a solve wants to know; ``plant`` moves a
+    body on by one step.
     """
 
-    measure: tuple[Phase, ...]
+    set_state: tuple[Phase, ...]
     slew: tuple[Phase, ...]
     shift: tuple[Phase, ...]
     cold: tuple[Phase, ...]
     warm: tuple[Phase, ...]
     backward: tuple[Phase, ...]
-    trial: tuple[Phase, ...]
+    trial_step: tuple[Phase, ...]
     report: tuple[Phase, ...]
     plant: tuple[Phase, ...]
 
@@ -54,7 +54,7 @@ def program_of(structure: Structure) -> Program:
     gather, begin_terminal = merit.gather_phase(s), initial_guess.begin_terminal_phase(s)
     reach = (riccati.largest_reach_phase(),) if torque_inequalities(s) else ()
     return Program(
-        measure=(initial_state.measure_phase(s),),
+        set_state=(initial_state.set_state_phase(s),),
         slew=(initial_guess.slew_phase(s),),
         shift=(initial_guess.shift_phase(s), initial_guess.local_phase(s)),
         cold=(initial_guess.cold_node_phase(s), initial_guess.cold_stage_phase(s),
@@ -62,9 +62,10 @@ def program_of(structure: Structure) -> Program:
         warm=(initial_guess.warm_node_phase(s), initial_guess.warm_stage_phase(s),
               begin_terminal, gather),
         backward=(quadratic_model.force_phase(s), node, terminal.terminal_phase(s),
-                  quadratic_model.costate_phase(s), transition, riccati.sweep_phase(s),
+                  quadratic_model.costate_phase(s), transition, riccati.riccati_phase(s),
                   riccati.linear_phase(s), riccati.reach_phase(s), *reach),
-        trial=(line_search.turn_phase(s), line_search.chain_phase(s), line_search.node_phase(s),
-               line_search.stage_phase(s), line_search.terminal_phase(s), gather),
+        trial_step=(line_search.turn_phase(s), line_search.chain_phase(s),
+                    line_search.node_phase(s), line_search.stage_phase(s),
+                    line_search.terminal_phase(s), gather),
         report=plan_report.report_phases(s),
         plant=(plant.plant_phase(s),))

@@ -29,7 +29,7 @@ def _defect(rotation: ca.SX) -> ca.SX:
 
 def _hardness(structure: Structure, v: ca.SX, omega: ca.SX, p: Parameters, read: Read
               ) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Return braking angle, second torque and weakness (see `local_solver.Measure`)."""
+    """Return braking angle, second torque and weakness (see `local_solver.StateReport`)."""
     max_torque = torque_box(structure, read)
     if max_torque is None:
         return ca.SX(0), ca.SX(1), ca.SX(1)
@@ -42,8 +42,13 @@ def _hardness(structure: Structure, v: ca.SX, omega: ca.SX, p: Parameters, read:
     return braking, second / highest, quickest * highest
 
 
-def measure_phase(structure: Structure) -> Phase:
-    """Map (R_NB, R_ND, omega) to the start and to what decides whether it can be used."""
+def set_state_phase(structure: Structure) -> Phase:
+    """Map (R_NB, R_ND, omega) to the start (q, J omega) and to its state report.
+
+    q is the unit quaternion of ``R_DB = R_ND^T R_NB`` with w >= 0, omega the dimensionless body
+    rate. The report is `local_solver.StateReport`: ``max |R^T R - I|`` of both rotations, 2 for a
+    reflection, and how hard the turn is; refusing is the caller's (`AttitudeMpc.solve`).
+    """
     def expression(read: Read) -> dict[Field, ca.SX]:
         p, measured = unpack(read(f.PARAMETER)), read(f.MEASURED)
         attitude, target = row_by_row(measured[0:9]), row_by_row(measured[9:18])
@@ -56,8 +61,8 @@ def measure_phase(structure: Structure) -> Phase:
             across = ca.cross(gamma, axis)
             angle = ca.atan2(ca.sqrt(ca.dot(across, across)), ca.dot(gamma, axis))
         return {f.START: ca.vertcat(q, momentum),
-                f.MEASURE: ca.vertcat(ca.fmax(_defect(attitude), _defect(target)),
+                f.STATE_REPORT: ca.vertcat(ca.fmax(_defect(attitude), _defect(target)),
                                       ca.dot(momentum, momentum), angle,
                                       *_hardness(structure, v, measured[18:21], p, read))}
 
-    return phase('measure', expression, only=1)
+    return phase('set_state', expression, only=1)

@@ -1,9 +1,9 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The trial of a pass: a new trajectory, its inequalities, its cost, and whether it is sound.
+"""The line search of a pass: a new trajectory, its inequalities, cost, and whether it is sound.
 
 The steps turn by the increments of the linear roll-out; torques, momenta and attitudes follow
-from them without solving anything, so every trial is a true trajectory of the LGVI.
+from them without solving anything, so every trial step is a true trajectory of the LGVI.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The Riccati sweep: the only part of a pass whose stages must wait for each other.
+"""The Riccati recursion: the only part of a pass whose stages must wait for each other.
 
 ``V_k(theta, sigma) = min_v`` of the stage's model plus V_{k+1} behind the linear dynamics
 
@@ -128,8 +128,18 @@ def _less(rest: ca.SX, left: ca.SX, right: ca.SX) -> ca.SX:
     return rest - left.T @ right
 
 
-def sweep_phase(structure: Structure) -> Phase:
-    """Map V_{k+1} to the gains of stage k and V_k; gather the residuals."""
+def riccati_phase(structure: Structure) -> Phase:
+    """Map V_{k+1} to the gains of stage k and to V_k; gather the residuals.
+
+    With the stage's model ``[v; x]^T [H, M; M^T, R] [v; x] / 2 + b . v + r . x``, V_{k+1} added
+    behind the dynamics and x = (theta, sigma) (6,), both spatial and dimensionless,
+
+        v = -H^-1 (b + M x),    V_k = x^T (R - M^T H^-1 M) x / 2 + (r - M^T H^-1 b) . x
+
+    H (3, 3) is factorised as L D L^T; a pivot of D that is not positive is reported relative to
+    their sum (the pass then blends towards Gauss-Newton), nothing is raised. Exactness:
+    test/mpc/test_kernel_model.py compares the model with differences of the merit.
+    """
     def expression(read: Read) -> dict[Field, ca.SX]:
         v = _value(read(f.VALUE))
         if structure.symmetric:
@@ -156,7 +166,7 @@ def sweep_phase(structure: Structure) -> Phase:
                     ca.fmin(residuals[3], factor.pivot),
                     ca.fmax(residuals[4], read(f.FORCE_SIZE)))}
 
-    return phase('sweep', expression, order=Order.BACKWARD)
+    return phase('riccati', expression, order=Order.BACKWARD)
 
 
 def _torque_weight(structure: Structure, read: Read) -> ca.SX:

@@ -105,7 +105,7 @@ def upper_entries(matrix: ca.SX) -> ca.SX:
 
 
 def terminal_phase(structure: Structure) -> Phase:
-    """Start the backward sweep: value, costates and residuals at k = N."""
+    """Start the backward recursion: value, costates and residuals at k = N."""
     def expression(read: Read) -> dict[Field, ca.SX]:
         p = unpack(read(f.PARAMETER))
         xi = coordinates(read(f.ATTITUDE), read(f.FREE), structure.pointing, p)
