@@ -41,7 +41,7 @@ class Course(ctypes.Structure):
 
 
 @dataclass(frozen=True)
-class Recording:
+class LoopRecord:
     """States (T, 12) (R_NB row by row, rate), torques (T, 3), costs and passes (T,)."""
 
     states: Array
@@ -50,7 +50,7 @@ class Recording:
     passes: NDArray[np.int_]
 
     @classmethod
-    def of(cls, ticks: int) -> Recording:
+    def of(cls, ticks: int) -> LoopRecord:
         """Allocate for so many ticks."""
         return cls(np.zeros((ticks, 12)), np.zeros((ticks, 3)), np.zeros(ticks),
                    np.zeros(ticks, dtype=np.int_))

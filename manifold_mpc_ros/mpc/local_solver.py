@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from manifold_mpc_ros.mpc.library import Course, Library, Recording, Solve
+from manifold_mpc_ros.mpc.library import Course, Library, LoopRecord, Solve
 from manifold_mpc_ros.mpc.program import fields as f
 from manifold_mpc_ros.mpc.program import options
 from manifold_mpc_ros.mpc.program.field import Field, Memory
@@ -207,13 +207,13 @@ class LocalSolver:
         self._global(f.APPLIED)[:] = torque
         self._library.advance(self._address)
 
-    def follow(self, plan: Plan, course: Course, recording: Recording, first: int) -> int:
+    def follow(self, plan: Plan, course: Course, record: LoopRecord, first: int) -> int:
         """Close the loop from tick ``first`` on without Python, ``plan`` kept up to date.
 
         Return the first tick that needs more than a warm start, or the number of ticks.
         """
         for name in ('states', 'torques', 'costs', 'passes'):
-            setattr(course, name, getattr(recording, name).ctypes.data)
+            setattr(course, name, getattr(record, name).ctypes.data)
         return int(self._library.follow(
             self._address, plan.address, ctypes.byref(course), first))
 

@@ -16,7 +16,7 @@ from manifold_mpc_ros.mpc.attitude_mpc import (
     VIOLATION,
     AttitudeMpc,
 )
-from manifold_mpc_ros.mpc.library import Course, Recording
+from manifold_mpc_ros.mpc.library import Course, LoopRecord
 from manifold_mpc_ros.mpc.scaling import Array
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 
@@ -50,7 +50,7 @@ class LoopingMpc(AttitudeMpc):
         The body steps by the LGVI with the controller's step and forcing. It may have an inertia
         (3, 3) of its own and a constant disturbance torque (3,) in body axes.
         """
-        recording, unit = Recording.of(ticks), self._unit
+        record, unit = LoopRecord.of(ticks), self._unit
         self._set_body(inertia_kg_m2, disturbance_B_n_m)
         self.reset()
         R, omega = np.asarray(R_NB, dtype=float), np.asarray(omega_BN_B, dtype=float)
@@ -60,13 +60,13 @@ class LoopingMpc(AttitudeMpc):
             searches += solution.searched
             if solution.status != SolveStatus.CONVERGED:
                 exceptions.append(solution.status)
-            self._record(recording, tick, R, omega, solution)
-            tick = self._follow(recording, tick + 1)
+            self._record(record, tick, R, omega, solution)
+            tick = self._follow(record, tick + 1)
             state = self._strict.state()
             R, omega = state[:9].reshape(3, 3), state[9:] * unit.rate_rad_s
         return ModelLoop(
-            recording.states[:, :9].reshape(-1, 3, 3), recording.states[:, 9:] * unit.rate_rad_s,
-            recording.torques * unit.torque_n_m, recording.costs * unit.cost, recording.passes,
+            record.states[:, :9].reshape(-1, 3, 3), record.states[:, 9:] * unit.rate_rad_s,
+            record.torques * unit.torque_n_m, record.costs * unit.cost, record.passes,
             searches, tuple(exceptions))
 
     def _set_body(self, inertia_kg_m2: ArrayLike | None, disturbance_B_n_m: ArrayLike | None
@@ -79,23 +79,23 @@ class LoopingMpc(AttitudeMpc):
             np.asarray(inertia, dtype=float) / (unit.torque_n_m * unit.time_s ** 2),
             np.asarray(disturbance, dtype=float) / unit.torque_n_m)
 
-    def _record(self, recording: Recording, tick: int, R_NB: Array, omega_BN_B: Array,
+    def _record(self, record: LoopRecord, tick: int, R_NB: Array, omega_BN_B: Array,
                 solution: AttitudeMpcSolution) -> None:
         """Write one tick and move the body on."""
         unit = self._unit
-        recording.states[tick] = np.concatenate([R_NB.ravel(), omega_BN_B * unit.time_s])
-        recording.torques[tick] = solution.torque_B_n_m / unit.torque_n_m
-        recording.costs[tick] = solution.cost / unit.cost
-        recording.passes[tick] = solution.iterations
-        self._strict.advance(recording.torques[tick])
+        record.states[tick] = np.concatenate([R_NB.ravel(), omega_BN_B * unit.time_s])
+        record.torques[tick] = solution.torque_B_n_m / unit.torque_n_m
+        record.costs[tick] = solution.cost / unit.cost
+        record.passes[tick] = solution.iterations
+        self._strict.advance(record.torques[tick])
 
-    def _follow(self, recording: Recording, tick: int) -> int:
+    def _follow(self, record: LoopRecord, tick: int) -> int:
         """Run the ticks that need no search; return the first that does."""
         if not self._inside or self._value_bound is None:
             return tick
         course = Course(near_rad=SEARCH_ANGLE_RAD, violation=VIOLATION, value_slack=VALUE_SLACK,
                         least_value=LEAST_VALUE, value_bound=self._value_bound,
-                        ticks=len(recording.costs))
-        tick = self._strict.follow(self._plan, course, recording, tick)
+                        ticks=len(record.costs))
+        tick = self._strict.follow(self._plan, course, record, tick)
         self._value_bound = float(course.value_bound)
         return tick

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from strategies import INERTIAS
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.lab.certification.enclosure import ClosedLoop, Loop, Memory
+from manifold_mpc_ros.lab.certification.enclosure import ClosedLoop, Loop, MeanValueForms
 from manifold_mpc_ros.lab.certification.enclosures import describe, loop_maker
 from manifold_mpc_ros.lab.certification.jets import coordinates
 from manifold_mpc_ros.lab.certification.rigid_body_enclosure import (
@@ -64,13 +64,13 @@ def loop_of(case: str) -> tuple[ClosedLoop, TerminalDesign, Callable[..., Any]]:
 
 
 def enclosed(loop: ClosedLoop, centre: Array, radius: Array) -> Loop:
-    memory = Memory()
-    middle = loop.advance(coordinates([arb(x) for x in centre.tolist()], second=False), memory)
-    memory.refine('following', middle.following)
-    memory.offsets = arb_mat(len(centre), 1, [arb(0, r) for r in radius.tolist()])
+    forms = MeanValueForms()
+    middle = loop.advance(coordinates([arb(x) for x in centre.tolist()], second=False), forms)
+    forms.refine('following', middle.following)
+    forms.offsets = arb_mat(len(centre), 1, [arb(0, r) for r in radius.tolist()])
     box = [arb(x, r) for x, r in zip(centre.tolist(), radius.tolist())]
-    result = loop.advance(coordinates(box), memory)
-    return Loop(memory.refine('following', result.following), result.ratios)
+    result = loop.advance(coordinates(box), forms)
+    return Loop(forms.refine('following', result.following), result.ratios)
 
 
 @pytest.mark.parametrize('case', CASES)

@@ -24,7 +24,7 @@ from manifold_mpc_ros.dynamics.inertia import nonstandard_inertia
 from manifold_mpc_ros.dynamics.lgvi import cayley_step, riccati_step
 from manifold_mpc_ros.errors import DesignError
 from manifold_mpc_ros.lab.certification.certify import prove
-from manifold_mpc_ros.lab.certification.enclosure import Loop, Memory, exact
+from manifold_mpc_ros.lab.certification.enclosure import Loop, MeanValueForms, exact
 from manifold_mpc_ros.lab.certification.jets import Jet
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.terminal.attitude_problem import attitude_problem
@@ -62,7 +62,7 @@ class LinearLoop:
     def check_cost(self) -> str | None:
         return None
 
-    def advance(self, xi: list[Jet], memory: Memory) -> Loop:  # noqa: ARG002
+    def advance(self, xi: list[Jet], forms: MeanValueForms) -> Loop:  # noqa: ARG002
         rows = range(self.dimension)
         return Loop([sum((self._loop[i, j] * xi[j] for j in rows[1:]), self._loop[i, 0] * xi[0])
                      for i in rows], {})

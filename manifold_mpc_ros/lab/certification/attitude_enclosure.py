@@ -16,7 +16,12 @@ from flint import arb
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics import scalar_form
-from manifold_mpc_ros.lab.certification.enclosure import Array, Loop, Memory, is_positive_definite
+from manifold_mpc_ros.lab.certification.enclosure import (
+    Array,
+    Loop,
+    MeanValueForms,
+    is_positive_definite,
+)
 from manifold_mpc_ros.lab.certification.even_functions import (
     angle_over_sine,
     half_cosine,
@@ -56,9 +61,9 @@ class AttitudeEnclosure:
             return 'tr(Qg) I - Qg is not provably positive definite'
         return self.body.check_cost()
 
-    def advance(self, xi: list[Jet], memory: Memory) -> Loop:
+    def advance(self, xi: list[Jet], forms: MeanValueForms) -> Loop:
         """Map the coordinates of a box to the enclosed closed loop."""
-        motion = self.body.advance(xi, xi[3:], memory)
+        motion = self.body.advance(xi, xi[3:], forms)
         x, c = triple(xi[:3]), triple(motion.turn)
         inner = [squared_norm(xi[:3]), squared_norm(motion.turn), scalar_form.dot(x, c)]
         along, turned, across = (chain(outer, inner) for outer in _product(

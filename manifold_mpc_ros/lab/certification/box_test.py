@@ -34,10 +34,10 @@ from flint import arb, arb_mat
 
 from manifold_mpc_ros.lab.certification.enclosure import (
     Array,
+    BoxVerdict,
     ClosedLoop,
     Loop,
-    Memory,
-    Verdict,
+    MeanValueForms,
     definiteness,
     exact,
     is_positive_definite,
@@ -63,7 +63,7 @@ class BoxTest:
         self._P = exact(self.P)
         self._V = loop.weight * (1 + arb(margin))
         self._S = self._P - self._V
-        centre = self._at([0.0] * self.n, Memory())
+        centre = self._at([0.0] * self.n, MeanValueForms())
         self._at_rest = _gradients(centre).transpose() * self._P * _gradients(centre) - self._S
         middle = midpoints(self._at_rest)
         self._H0 = (middle + middle.T) / 2
@@ -81,35 +81,36 @@ class BoxTest:
         bound = -definiteness(-self._at_rest, frame)
         return bound if same else float('inf')
 
-    def judge(self, low: Array, high: Array) -> Verdict:
+    def judge(self, low: Array, high: Array) -> BoxVerdict:
         """Test the box between two corners."""
         centre, radius = _ball_of(low, high)
         widest = int(np.argmax(radius / self.half_widths))
         if self._is_outside(centre, radius):
-            return Verdict('outside')
-        memory = Memory()
-        middle = self._at(centre.tolist(), memory)
+            return BoxVerdict('outside')
+        forms = MeanValueForms()
+        middle = self._at(centre.tolist(), forms)
         wrong = self._refutation(centre, middle)
         if wrong:
-            return Verdict('refuted', reason=wrong)
-        memory.offsets = arb_mat(self.n, 1, [arb(0, r) for r in radius.tolist()])
+            return BoxVerdict('refuted', reason=wrong)
+        forms.offsets = arb_mat(self.n, 1, [arb(0, r) for r in radius.tolist()])
         loop = self.loop.advance(coordinates(
-            [arb(m, r) for m, r in zip(centre.tolist(), radius.tolist())]), memory)
+            [arb(m, r) for m, r in zip(centre.tolist(), radius.tolist())]), forms)
         exceeded = ratios_exceeded(loop.ratios)
         if exceeded:
-            return Verdict('undecided', widest, f'{exceeded[0]} is not provably below its limit')
+            return BoxVerdict(
+                'undecided', widest, f'{exceeded[0]} is not provably below its limit')
         if not all(entry.is_finite()
                    for jet in loop.following for entry in jet.curvature().entries()):
-            return Verdict('undecided', widest, 'the closed loop is not enclosed')
+            return BoxVerdict('undecided', widest, 'the closed loop is not enclosed')
         ratios = {name: upper(ratio) for name, ratio in loop.ratios.items()}
         if np.all(low <= 0) and np.all(high >= 0):
-            return self._judge_about_zero(radius, middle, loop, memory, ratios)
+            return self._judge_about_zero(radius, middle, loop, forms, ratios)
         return self._judge_by_taylor(centre, radius, middle, loop, ratios)
 
-    def _at(self, point: list[float], memory: Memory) -> Loop:
+    def _at(self, point: list[float], forms: MeanValueForms) -> Loop:
         """Evaluate the closed loop at one point."""
-        loop = self.loop.advance(coordinates([arb(x) for x in point], second=False), memory)
-        memory.refine('following', loop.following)
+        loop = self.loop.advance(coordinates([arb(x) for x in point], second=False), forms)
+        forms.refine('following', loop.following)
         return loop
 
     def _is_outside(self, centre: Array, radius: Array) -> bool:
@@ -137,10 +138,10 @@ class BoxTest:
         following = arb_mat(self.n, 1, [jet.value for jet in loop.following])
         return (_form(self._P, following) - _form(self._S, point)) / 2
 
-    def _judge_about_zero(self, radius: Array, middle: Loop, loop: Loop, memory: Memory,
-                          ratios: dict[str, float]) -> Verdict:
+    def _judge_about_zero(self, radius: Array, middle: Loop, loop: Loop, forms: MeanValueForms,
+                          ratios: dict[str, float]) -> BoxVerdict:
         """Test ``G^T P G - P + V < 0`` on a box with the origin in it, by its mean value form."""
-        following = memory.refine('following', loop.following)
+        following = forms.refine('following', loop.following)
         slope, start = arb_mat([jet.gradient.entries() for jet in following]), _gradients(middle)
         form = start.transpose() * self._P * start - self._S
         centre = midpoints(form)
@@ -157,12 +158,12 @@ class BoxTest:
             sizes[k] = max(float(entry.rad()) for entry in change.entries())
             total = total + change
         if definiteness(-total, np.eye(self.n)) > 0:
-            return Verdict('verified', ratios=ratios)
-        return Verdict('undecided', int(np.argmax(sizes)), 'G^T P G - P + V < 0 is not proved',
+            return BoxVerdict('verified', ratios=ratios)
+        return BoxVerdict('undecided', int(np.argmax(sizes)), 'G^T P G - P + V < 0 is not proved',
                        ratios)
 
     def _judge_by_taylor(self, centre: Array, radius: Array, middle: Loop, loop: Loop,
-                         ratios: dict[str, float]) -> Verdict:
+                         ratios: dict[str, float]) -> BoxVerdict:
         """Test D < 0 by Taylor's formula."""
         point = arb_mat(self.n, 1, [arb(x) for x in centre.tolist()])
         start = _gradients(middle)
@@ -182,8 +183,9 @@ class BoxTest:
         rest = (radius @ parts + moved @ np.abs(self.P) @ moved / 2) * _ROUNDING
         bound = concave_bound(self._decrease(point, middle), gradient, concave, radius)
         if bound + arb(rest) < 0:
-            return Verdict('verified', ratios=ratios)
-        return Verdict('undecided', int(np.argmax(radius * parts)), 'D < 0 is not proved', ratios)
+            return BoxVerdict('verified', ratios=ratios)
+        return BoxVerdict(
+            'undecided', int(np.argmax(radius * parts)), 'D < 0 is not proved', ratios)
 
 
 def concave_bound(value: arb, gradient: arb_mat, hessian: Array, radius: Array) -> arb:

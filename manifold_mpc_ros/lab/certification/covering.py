@@ -17,7 +17,7 @@ from typing import Protocol
 
 import numpy as np
 
-from manifold_mpc_ros.lab.certification.enclosure import Array, Verdict
+from manifold_mpc_ros.lab.certification.enclosure import Array, BoxVerdict
 
 Box = tuple[Array, Array, int]
 Progress = Callable[[float, int], None]
@@ -30,7 +30,7 @@ _REPORT, _DEEPEST = 25, 120
 class Test(Protocol):
     """Decides boxes."""
 
-    def judge(self, low: Array, high: Array) -> Verdict:
+    def judge(self, low: Array, high: Array) -> BoxVerdict:
         """Test the box between two corners."""
 
 

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from flint import arb, arb_mat
 
-from manifold_mpc_ros.lab.certification.enclosure import Array, Loop, Memory, exact
+from manifold_mpc_ros.lab.certification.enclosure import Array, Loop, MeanValueForms, exact
 from manifold_mpc_ros.lab.certification.jets import Jet
 
 
@@ -34,7 +34,7 @@ class DoubleIntegratorEnclosure:
         """Return nothing: L is ``xi^T (lambda W) xi / 2``."""
         return None
 
-    def advance(self, xi: list[Jet], memory: Memory) -> Loop:  # noqa: ARG002
+    def advance(self, xi: list[Jet], forms: MeanValueForms) -> Loop:  # noqa: ARG002
         """Map the coordinates of a box over one step."""
         following = [self._loop[i, 0] * xi[0] + self._loop[i, 1] * xi[1] for i in range(2)]
         if self._max_velocity is None:

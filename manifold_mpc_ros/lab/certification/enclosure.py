@@ -32,7 +32,7 @@ class Loop:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class BoxVerdict:
     """What a test says of a box: the axis to halve it along, why it is not verified, bounds met.
 
     ``outside``: no point of it is in the set; ``verified``: all is proved for every point of it;
@@ -72,11 +72,11 @@ class ClosedLoop(Protocol):
     def check_cost(self) -> str | None:
         """Return why the bound of L by W is not proved, None when it is."""
 
-    def advance(self, xi: list[Jet], memory: Memory) -> Loop:
+    def advance(self, xi: list[Jet], forms: MeanValueForms) -> Loop:
         """Map the coordinates of a box to the enclosed closed loop."""
 
 
-class Memory:
+class MeanValueForms:
     """Mean value enclosures of what a closed loop computes on its way.
 
     The first evaluation, at the centre of a box (``offsets`` None), records values and gradients;

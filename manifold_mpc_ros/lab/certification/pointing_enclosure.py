@@ -17,7 +17,7 @@ from flint import arb, arb_mat
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics import scalar_form
-from manifold_mpc_ros.lab.certification.enclosure import Array, Loop, Memory
+from manifold_mpc_ros.lab.certification.enclosure import Array, Loop, MeanValueForms
 from manifold_mpc_ros.lab.certification.even_functions import (
     angle_over_sine,
     half_cosine,
@@ -55,9 +55,9 @@ class PointingEnclosure:
         """
         return self.body.check_cost()
 
-    def advance(self, xi: list[Jet], memory: Memory) -> Loop:
+    def advance(self, xi: list[Jet], forms: MeanValueForms) -> Loop:
         """Map the coordinates of a box to the enclosed closed loop."""
-        motion = self.body.advance(xi, xi[2:], memory)
+        motion = self.body.advance(xi, xi[2:], forms)
         s = squared_norm(xi[:2])
         c, half = half_cosine(s), half_sine(s)
         sinc, cosine = 2 * half * c, 2 * c.square() - 1
@@ -66,7 +66,7 @@ class PointingEnclosure:
         gamma = triple(cosine * b + first * e + second * f
                        for b, e, f in zip(self._axis, self._first, self._second))
         turned = turn_back(motion.turn, gamma)
-        [height] = memory.refine('height', [scalar_form.dot(self._axis, turned)])
+        [height] = forms.refine('height', [scalar_form.dot(self._axis, turned)])
         near = root_of_half(height)
         factor = angle_over_sine(near) / (2 * near)
         # Gamma x b = (e1 g1 + e2 g2) x b = -e2 g1 + e1 g2.

@@ -25,7 +25,7 @@ from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics import scalar_form
 from manifold_mpc_ros.lab.certification.enclosure import (
     Array,
-    Memory,
+    MeanValueForms,
     exact,
     is_positive_definite,
     midpoints,
@@ -70,7 +70,7 @@ class RigidBodyEnclosure:
         weights = [config.rate_weight, config.torque_weight]
         self.rate_hessian, self.torque_hessian = map(trace_hessian, weights)
 
-    def advance(self, xi: list[Jet], rate: list[Jet], memory: Memory) -> Motion:
+    def advance(self, xi: list[Jet], rate: list[Jet], forms: MeanValueForms) -> Motion:
         """Map the coordinates and their rate part over one step."""
         torque = [sum((float(g) * x for g, x in zip(row, xi)), start=0.0) for row in self.gain]
         impulse = [self.h * self.h * t for t in torque]
@@ -78,20 +78,20 @@ class RigidBodyEnclosure:
         s = squared_norm(phi)
         [w], half = [half_cosine(s)], half_sine(s)
         v = [half * entry for entry in phi]
-        free = memory.refine('free', self._momentum(w, v))
+        free = forms.refine('free', self._momentum(w, v))
         quarter = arb.pi() / 2
         ratios = {'free step': self._load(free), **self._rates(free),
                   'branch of the free step': root(s.value) / quarter}
         pushed, after = free, impulse
         if self.symmetric:
             after = [i / 2 for i in impulse]
-            pushed = memory.refine('pushed', [m + i for m, i in zip(free, after)])
+            pushed = forms.refine('pushed', [m + i for m, i in zip(free, after)])
             ratios['forced step'] = self._load(pushed)
-        turn = self._step(pushed, 'turn', memory)
+        turn = self._step(pushed, 'turn', forms)
         lost = self._gyroscopic(turn)
-        following = memory.refine('next', [m + i - g for m, i, g in zip(pushed, after, lost)])
+        following = forms.refine('next', [m + i - g for m, i, g in zip(pushed, after, lost)])
         ratios['next step'] = self._load(following)
-        c = self._step(following, 'next step', memory)
+        c = self._step(following, 'next step', forms)
         factor = double_arctangent(squared_norm(c)) / self.h
         for name, cayley in (('turn', turn), ('next step', c)):
             ratios[f'branch of the {name}'] = root(squared_norm(cayley).value)
@@ -129,19 +129,19 @@ class RigidBodyEnclosure:
         return {name: ratio for limit in self._limits
                 for name, ratio in limit.ratios(omega).items()}
 
-    def _step(self, m: list[Jet], name: str, memory: Memory) -> list[Jet]:
+    def _step(self, m: list[Jet], name: str, forms: MeanValueForms) -> list[Jet]:
         """Map m to the Cayley parameter of its step, with derivatives of the inverse of (5).
 
         With l(c) = m: ``Dl dc = dm`` and ``Dl d2c = d2m - D2l(dc, dc)``.
         """
         box, slopes = self._root([jet.value for jet in m]), [jet.gradient.entries() for jet in m]
         # Once more with the box that the first pass has narrowed down.
-        for _ in range(1 if memory.offsets is None else 2):
+        for _ in range(1 if forms.offsets is None else 2):
             inner = scalar_form.momentum_from_cayley(
                 triple(coordinates(box, m[0].second)), self.inertia)
             inverse = _inverse(arb_mat([row.gradient.entries() for row in inner]))
             first = inverse * arb_mat(slopes)
-            known = memory.refine(name, [
+            known = forms.refine(name, [
                 Jet(c, arb_mat([row]), None, False) for c, row in zip(box, first.tolist())])
             box = [jet.value for jet in known]
         if not m[0].second:
@@ -151,7 +151,7 @@ class RigidBodyEnclosure:
             rests.append(jet.curvature() - first.transpose() * row.curvature() * first)
         hessians = [sum((rests[j] * inverse[i, j] for j in (1, 2)), start=rests[0] * inverse[i, 0])
                     for i in range(3)]
-        return memory.refine(name, [
+        return forms.refine(name, [
             Jet(jet.value, jet.gradient, hessian) for jet, hessian in zip(known, hessians)])
 
     def _root(self, m: list[arb]) -> list[arb]:

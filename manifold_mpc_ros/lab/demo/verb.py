@@ -32,7 +32,7 @@ from manifold_mpc_ros.sim.closed_loop import settling_time
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from manifold_mpc_ros.lab.recording.nodes.history import Recorder, Recording
+    from manifold_mpc_ros.lab.recording.nodes.history import Recorder, StateHistory
 
 EXAMPLES = """\
   manifold-mpc demo
@@ -93,10 +93,10 @@ def run(arguments: argparse.Namespace) -> int:
             waiting.until(lambda: loop_is_closed(recorder))
             watch_until_settled(recorder, processes, config.mpc, arguments, display)
         bag.end()
-        recording, solver = recorder.recording(), recorder.solver
-        bag.describe(files, arguments, recorder.first_ns, float(recording.state_time_s[-1]))
+        history, solver = recorder.history(), recorder.solver
+        bag.describe(files, arguments, recorder.first_ns, float(history.state_time_s[-1]))
         exits = processes.stop()
-    status = _finish(console, recording, solver, waiting.elapsed_s, exits, config, arguments)
+    status = _finish(console, history, solver, waiting.elapsed_s, exits, config, arguments)
     return status if _report(console, bag) else 1
 
 
@@ -126,18 +126,18 @@ def _report(console: Console, bag: DemoBag) -> bool:
 
 
 def _finish(
-    console: Console, recording: Recording, solver: dict[str, str], start_s: float,
+    console: Console, history: StateHistory, solver: dict[str, str], start_s: float,
     exits: dict[str, int], config: ControllerConfig, arguments: argparse.Namespace,
 ) -> int:
     """Print the table, write pictures and data; 0 when settled and both nodes ended well."""
     from manifold_mpc_ros.cli import console as report
-    error_rad = error_angle(config.mpc, recording.R_NB)
-    rate_rad_s = np.linalg.norm(recording.omega_BN_B, axis=1)
+    error_rad = error_angle(config.mpc, history.R_NB)
+    rate_rad_s = np.linalg.norm(history.omega_BN_B, axis=1)
     settled_s = settling_time(
-        recording.state_time_s,
+        history.state_time_s,
         (np.degrees(error_rad) < arguments.attitude_tolerance)
         & (rate_rad_s < arguments.rate_tolerance))
-    if settled_s is not None and recording.state_time_s[-1] - settled_s < HOLD_S:
+    if settled_s is not None and history.state_time_s[-1] - settled_s < HOLD_S:
         settled_s = None
     console.print(report.result_table('Closed loop over DDS, two processes', [
         ('settled after', report.settled_text(
@@ -147,24 +147,24 @@ def _finish(
         (f'final {config.mpc.target} error', f'{math.degrees(error_rad[-1]):.3g} deg'),
         ('final rate', f'{rate_rad_s[-1]:.3g} rad/s'),
         ('peak torque, by axis',
-         report.vector_text(np.abs(recording.torque_B_n_m).max(axis=0), 'N m')
+         report.vector_text(np.abs(history.torque_B_n_m).max(axis=0), 'N m')
          + f', {report.limit_text(config.mpc.max_torque_n_m)}'),
         ('peak rate, by axis',
-         report.vector_text(np.abs(recording.omega_BN_B).max(axis=0), 'rad/s')
+         report.vector_text(np.abs(history.omega_BN_B).max(axis=0), 'rad/s')
          + f', {report.limit_text(config.mpc.max_rate_rad_s)}'),
-        ('messages seen', f'{len(error_rad)} states, {len(recording.torque_B_n_m)} torques'),
+        ('messages seen', f'{len(error_rad)} states, {len(history.torque_B_n_m)} torques'),
         ('last solve', ', '.join(f'{key} {solver[key]}' for key in (
             'solver_status', 'iterations', 'solve_time_us') if key in solver) or 'unknown'),
         ('promises broken', f'{solver.get("promises_broken", "unknown")} of '
          f'{solver.get("promises_checked", "unknown")} (decrease of the value function)'),
         ('exit status', ', '.join(f'{name} {status}' for name, status in exits.items())),
     ]))
-    report.say_written(console, _write(recording, error_rad, settled_s, config, arguments))
+    report.say_written(console, _write(history, error_rad, settled_s, config, arguments))
     return 0 if settled_s is not None and not any(exits.values()) else 1
 
 
 def _write(
-    recording: Recording, error_rad: np.ndarray, settled_s: float | None,
+    history: StateHistory, error_rad: np.ndarray, settled_s: float | None,
     config: ControllerConfig, arguments: argparse.Namespace,
 ) -> list[Path]:
     """Write pictures and data; return where they are."""
@@ -174,25 +174,25 @@ def _write(
     folder = arguments.output
     response = plot_response(Response(
         title=f'Closed loop over DDS from {math.degrees(error_rad[0]):.4g} degrees',
-        state_time_s=recording.state_time_s, attitude_error_rad=error_rad,
-        omega_BN_B=recording.omega_BN_B, torque_time_s=recording.torque_time_s,
-        torque_B_n_m=recording.torque_B_n_m, max_rate_rad_s=config.mpc.max_rate_rad_s,
+        state_time_s=history.state_time_s, attitude_error_rad=error_rad,
+        omega_BN_B=history.omega_BN_B, torque_time_s=history.torque_time_s,
+        torque_B_n_m=history.torque_B_n_m, max_rate_rad_s=config.mpc.max_rate_rad_s,
         max_torque_n_m=config.mpc.max_torque_n_m,
         attitude_tolerance_rad=math.radians(arguments.attitude_tolerance),
         settled_s=settled_s, target=config.mpc.target), folder / 'response.png')
-    chosen = snapshot_rows(recording.state_time_s, 2.0, settled_s, SNAPSHOTS)
+    chosen = snapshot_rows(history.state_time_s, 2.0, settled_s, SNAPSHOTS)
     orientation = plot_orientation(
-        'Orientation during the slew', recording.state_time_s[chosen], recording.R_NB[chosen],
+        'Orientation during the slew', history.state_time_s[chosen], history.R_NB[chosen],
         folder / 'orientation.png')
     states = report.write_csv(folder / 'states.csv', {
-        'time_s': recording.state_time_s,
+        'time_s': history.state_time_s,
         'attitude_error_rad': error_rad,
-        **report.axis_columns('omega_BN_B', 'rad_s', recording.omega_BN_B),
-        **report.attitude_columns(recording.R_NB),
+        **report.axis_columns('omega_BN_B', 'rad_s', history.omega_BN_B),
+        **report.attitude_columns(history.R_NB),
     })
     torques = report.write_csv(folder / 'torques.csv', {
-        'time_s': recording.torque_time_s,
-        **report.axis_columns('torque_B', 'n_m', recording.torque_B_n_m),
+        'time_s': history.torque_time_s,
+        **report.axis_columns('torque_B', 'n_m', history.torque_B_n_m),
     })
     return [response, orientation, states, torques,
             folder / 'controller.log', folder / 'simulator.log']

@@ -76,7 +76,7 @@ class Limits:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class TrialVerdict:
     """One injected fault, judged."""
 
     fault: str

@@ -16,7 +16,7 @@ from manifold_mpc_ros.lab.fault_injection.evidence import (
     Evidence,
     Limits,
     Report,
-    Verdict,
+    TrialVerdict,
 )
 from manifold_mpc_ros.lab.fault_injection.fault import CONTROLLER, Fault
 
@@ -37,7 +37,7 @@ _EXCUSE_STEPS = 2.5
 _ROUNDING = 1e-9
 
 
-def judge(seen: Evidence, limits: Limits) -> Verdict:
+def judge(seen: Evidence, limits: Limits) -> TrialVerdict:
     """Return the verdict on one fault: every reason why it counts as not survived.
 
     What the machine was late by is allowed for in the bounds on time, and where it is most of
@@ -50,7 +50,7 @@ def judge(seen: Evidence, limits: Limits) -> Verdict:
     wrong = _wrongs(seen, figures, limits)
     late = _delays(seen, figures, limits, machine_s)
     strict = _delays(seen, figures, limits, 0.0)
-    return Verdict(
+    return TrialVerdict(
         fault=seen.fault.name, row=seen.fault.row, phase=seen.phase.value, seed=seen.seed,
         reasons=(*wrong, *late), excused=tuple(reason for reason in strict if reason not in late),
         void=bool(late) and not wrong and machine_s > _VOID_PART * (seen.closed_s - seen.begun_s),

@@ -14,14 +14,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from manifold_mpc_ros.errors import ManifoldMpcError
-from manifold_mpc_ros.lab.fault_injection.evidence import Verdict
+from manifold_mpc_ros.lab.fault_injection.evidence import TrialVerdict
 from manifold_mpc_ros.lab.fault_injection.rig import Bench, BenchPlan, Interrupted
 from manifold_mpc_ros.lab.fault_injection.schedule import Trial
-from manifold_mpc_ros.lab.fault_injection.summary import Memory, memory_of
+from manifold_mpc_ros.lab.fault_injection.summary import MemoryUse, memory_of
 from manifold_mpc_ros.lab.fault_injection.trial import Trials
 
 #: Told of every verdict, with what is being done now.
-Show = Callable[[list[Verdict]], None]
+Show = Callable[[list[TrialVerdict]], None]
 #: A trial in which the machine took too much time away is repeated, this often in all.
 MOST_ATTEMPTS = 5
 #: Between two looks for verdicts [s].
@@ -34,9 +34,9 @@ class Done:
 
     planned: int
     pairs: int
-    verdicts: list[Verdict] = field(default_factory=list)
-    memory: list[Memory] = field(default_factory=list)
-    voided: list[Verdict] = field(default_factory=list)
+    verdicts: list[TrialVerdict] = field(default_factory=list)
+    memory: list[MemoryUse] = field(default_factory=list)
+    voided: list[TrialVerdict] = field(default_factory=list)
     start_s: list[float] = field(default_factory=list)
     elapsed_s: float = 0.0
     failure: str = ''
@@ -48,14 +48,14 @@ class _Pair(threading.Thread):
 
     def __init__(
         self, number: int, plan: BenchPlan, trials: dict[bool, deque[Trial]], seed: int,
-        results: queue.Queue[Verdict], stopped: threading.Event,
+        results: queue.Queue[TrialVerdict], stopped: threading.Event,
     ) -> None:
         """Keep what is needed."""
         super().__init__(name=f'pair {number}', daemon=True)
         self._plan, self._trials, self._seed = plan, trials, seed + number
         self._results, self._stopped = results, stopped
-        self.memory: list[Memory] = []
-        self.voided: list[Verdict] = []
+        self.memory: list[MemoryUse] = []
+        self.voided: list[TrialVerdict] = []
         self.start_s: list[float] = []
         self.left_behind: list[str] = []
         self.failure = self.middleware = ''
@@ -116,7 +116,7 @@ def run_trials(
     """Run all trials; Ctrl-C, or a pair that cannot go on, ends it with what there is."""
     by_time = {False: deque(t for t in trials if not t.fault.simulated_time),
                True: deque(t for t in trials if t.fault.simulated_time)}
-    results: queue.Queue[Verdict] = queue.Queue()
+    results: queue.Queue[TrialVerdict] = queue.Queue()
     stopped = threading.Event()
     done = Done(len(trials), min(pairs, len(trials)))
     threads = [_Pair(number, plan, by_time, seed, results, stopped)
@@ -153,7 +153,7 @@ def _taken(trials: deque[Trial]) -> Trial | None:
         return None
 
 
-def _collect(results: queue.Queue[Verdict], done: Done, show: Show, wait_s: float) -> None:
+def _collect(results: queue.Queue[TrialVerdict], done: Done, show: Show, wait_s: float) -> None:
     """Take in the verdicts that there are."""
     try:
         done.verdicts.append(results.get(timeout=wait_s) if wait_s else results.get_nowait())

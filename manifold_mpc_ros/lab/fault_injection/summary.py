@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from manifold_mpc_ros.lab.fault_injection.evidence import Verdict
+from manifold_mpc_ros.lab.fault_injection.evidence import TrialVerdict
 
 #: The first minute of a process is start-up: caches fill, modules load [s].
 WARM_UP_S = 60.0
@@ -21,7 +21,7 @@ _KIB = 1024.0
 
 
 @dataclass(frozen=True)
-class Memory:
+class MemoryUse:
     """Resident memory of one node's process over its life."""
 
     node: str
@@ -31,7 +31,7 @@ class Memory:
     slope_kib_per_min: float | None
 
 
-def memory_of(node: str, samples: Sequence[tuple[float, int]]) -> Memory:
+def memory_of(node: str, samples: Sequence[tuple[float, int]]) -> MemoryUse:
     """Return the straight line through (time [s], bytes) of a life after its warm-up."""
     times = np.array([time_s for time_s, _ in samples])
     kib = np.array([size for _, size in samples]) / _KIB
@@ -40,19 +40,19 @@ def memory_of(node: str, samples: Sequence[tuple[float, int]]) -> Memory:
     if warm.sum() > 2 and times[-1] - times[0] >= WARM_UP_S + SHORTEST_SLOPE_S:
         slope = 60.0 * float(np.polyfit(times[warm] - times[0], kib[warm], 1)[0])
     first = int(np.argmax(warm)) if warm.any() else 0
-    return Memory(node, float(times[-1] - times[0]), float(kib[first]), float(kib[-1]), slope)
+    return MemoryUse(node, float(times[-1] - times[0]), float(kib[first]), float(kib[-1]), slope)
 
 
-def longest_lives(memories: Iterable[Memory]) -> list[Memory]:
+def longest_lives(memories: Iterable[MemoryUse]) -> list[MemoryUse]:
     """Return the longest life of each node."""
-    longest: dict[str, Memory] = {}
+    longest: dict[str, MemoryUse] = {}
     for memory in memories:
         if memory.node not in longest or memory.life_s > longest[memory.node].life_s:
             longest[memory.node] = memory
     return list(longest.values())
 
 
-def totals(verdicts: Sequence[Verdict]) -> dict[str, Any]:
+def totals(verdicts: Sequence[TrialVerdict]) -> dict[str, Any]:
     """Return the figures of all verdicts."""
     spoken = [v for v in verdicts if not v.silent]
     return {
@@ -74,10 +74,10 @@ def totals(verdicts: Sequence[Verdict]) -> dict[str, Any]:
     }
 
 
-def grouped(verdicts: Iterable[Verdict], key: Callable[[Verdict], str]
+def grouped(verdicts: Iterable[TrialVerdict], key: Callable[[TrialVerdict], str]
             ) -> dict[str, dict[str, Any]]:
     """Return the figures of each group, in the order of first appearance."""
-    groups: dict[str, list[Verdict]] = {}
+    groups: dict[str, list[TrialVerdict]] = {}
     for verdict in verdicts:
         groups.setdefault(key(verdict), []).append(verdict)
     return {name: {
@@ -95,11 +95,11 @@ def spread(values: Iterable[float | None]) -> dict[str, float] | None:
     return {'median': median(known), 'max': max(known)} if known else None
 
 
-def not_survived(verdicts: Iterable[Verdict]) -> list[dict[str, Any]]:
+def not_survived(verdicts: Iterable[TrialVerdict]) -> list[dict[str, Any]]:
     """Return everything about those that were not survived."""
     return [asdict(verdict) for verdict in verdicts if not verdict.survived]
 
 
-def excused(verdicts: Iterable[Verdict]) -> list[dict[str, Any]]:
+def excused(verdicts: Iterable[TrialVerdict]) -> list[dict[str, Any]]:
     """Return everything about those in which the machine was late, and only that explains it."""
     return [asdict(verdict) for verdict in verdicts if verdict.survived and verdict.excused]

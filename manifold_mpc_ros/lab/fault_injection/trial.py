@@ -13,7 +13,7 @@ import numpy as np
 
 from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.errors import ManifoldMpcError
-from manifold_mpc_ros.lab.fault_injection.evidence import Evidence, Limits, Verdict
+from manifold_mpc_ros.lab.fault_injection.evidence import Evidence, Limits, TrialVerdict
 from manifold_mpc_ros.lab.fault_injection.fault import CONTROLLER, SIMULATOR, Fault, OnTopic, Phase
 from manifold_mpc_ros.lab.fault_injection.injection import injection
 from manifold_mpc_ros.lab.fault_injection.judge import judge
@@ -81,7 +81,7 @@ class Trials:
                        or self._error_rad() < _OVER_BELOW[Phase.SETTLE],
                        min(PHASE_S, until_s - time.monotonic()))
 
-    def run(self, fault: Fault, phase: Phase, seed: int) -> Verdict:
+    def run(self, fault: Fault, phase: Phase, seed: int) -> TrialVerdict:
         """Inject one fault and return the verdict."""
         bench, observer = self._bench, self._bench.observer
         reached = self._reach(phase)

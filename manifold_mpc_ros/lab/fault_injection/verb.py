@@ -23,7 +23,7 @@ from manifold_mpc_ros.lab.fault_injection.table import FAULTS, QUICK, faults_nam
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from manifold_mpc_ros.lab.fault_injection.evidence import Verdict
+    from manifold_mpc_ros.lab.fault_injection.evidence import TrialVerdict
     from manifold_mpc_ros.lab.fault_injection.rig import BenchPlan
     from manifold_mpc_ros.lab.fault_injection.run import Done
 
@@ -148,7 +148,7 @@ def _inject(
     pairs = 1 if arguments.soak is not None else arguments.pairs
     said = 0
     with Progress(console, 'faults injected', len(trials), 'starting the nodes') as progress:
-        def show(verdicts: Sequence[Verdict]) -> None:
+        def show(verdicts: Sequence[TrialVerdict]) -> None:
             nonlocal said
             if len(verdicts) == said:
                 return

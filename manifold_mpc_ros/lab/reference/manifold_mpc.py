@@ -18,7 +18,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from manifold_mpc_ros.lab.reference.ocp import OptimalControlProblem, Plan
+from manifold_mpc_ros.lab.reference.ocp import OptimalControlProblem, Trajectory
 from manifold_mpc_ros.terminal.design import design_terminal
 from manifold_mpc_ros.terminal.manifold import Array
 from manifold_mpc_ros.terminal.problem import ManifoldProblem
@@ -72,7 +72,7 @@ class ManifoldSolution:
 
     control: Array        # first control, a point of U (ambient,)
     coordinates: Array    # the same in coordinates of psi (m,)
-    plan: Plan
+    plan: Trajectory
     value: float
     promised: float
     status: PlanStatus
@@ -134,7 +134,7 @@ class ManifoldMpc:
         assert best is not None
         return self._keep(best, tried)
 
-    def starts(self, state: ArrayLike) -> Iterator[Plan]:
+    def starts(self, state: ArrayLike) -> Iterator[Trajectory]:
         """Yield the cold starts of a point as plans, the local law's first."""
         rng, m = np.random.default_rng(self._seed), self.problem.controls.dimension
         yield self._push(state, 0, np.zeros(m))
@@ -150,7 +150,7 @@ class ManifoldMpc:
                 held = int(rng.integers(1, self.horizon + 1))
                 yield self._push(state, held, rng.uniform(-1.0, 1.0, m) * push)
 
-    def _push(self, state: ArrayLike, held: int, push: Array | None) -> Plan:
+    def _push(self, state: ArrayLike, held: int, push: Array | None) -> Trajectory:
         """Roll out a push held for some steps and the local law after it.
 
         ``push`` None is the local law's mirror image; the first gain whose roll-out exists wins.
@@ -173,14 +173,14 @@ class ManifoldMpc:
         assert plan is not None
         return plan
 
-    def _improve_shifted(self, state: Array, last: Plan) -> Plan:
+    def _improve_shifted(self, state: Array, last: Trajectory) -> Trajectory:
         """Return the better of the shifted plan and what the optimiser makes of it."""
         appended = self.local_law(last.states[-1])
         shifted = self.ocp.roll_out(state, np.vstack([last.controls[1:], appended]))
         improved = self.ocp.solve(state, shifted, near=True)
         return _better(shifted, improved, self.ocp.cost_unit)
 
-    def _keep(self, plan: Plan, tried: int) -> ManifoldSolution:
+    def _keep(self, plan: Trajectory, tried: int) -> ManifoldSolution:
         """Return a plan as the solution and remember it."""
         status = PlanStatus.INFEASIBLE
         if plan.feasible:
@@ -222,7 +222,7 @@ def run_on_manifold(mpc: ManifoldMpc, state: ArrayLike, steps: int) -> ManifoldL
         np.array([s.value for s in solutions]), tuple(s.status for s in solutions))
 
 
-def _better(one: Plan | None, other: Plan, unit: float) -> Plan:
+def _better(one: Trajectory | None, other: Trajectory, unit: float) -> Trajectory:
     """Return the better of two plans: feasible first, then the cheaper, ties to the first.
 
     Ties are relative, and absolute below a cost ``unit``. An optimum that is worth as much as

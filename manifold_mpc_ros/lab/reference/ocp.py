@@ -39,7 +39,7 @@ NEAR = {'mu_init': 1e-7, 'bound_push': 1e-8, 'bound_frac': 1e-8, 'slack_bound_pu
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class Trajectory:
     """A trajectory on the manifold: N controls in coordinates of psi, N + 1 points.
 
     ``violation`` is the largest over all constraints; ``success`` says that IPOPT met its
@@ -104,7 +104,7 @@ class OptimalControlProblem:
         """Say whether the step is guaranteed to exist."""
         return bool(float(self._exists(state, control)) <= 1.0 - EXISTENCE_ROOM)
 
-    def roll_out(self, state: ArrayLike, controls: Array, *, success: bool = False) -> Plan:
+    def roll_out(self, state: ArrayLike, controls: Array, *, success: bool = False) -> Trajectory:
         """Map controls (N, m) from a point to their plan."""
         states, costs, worst = [np.asarray(state, dtype=float)], [], [0.0]
         for control in controls:
@@ -120,11 +120,11 @@ class OptimalControlProblem:
         if self._level is not None:
             worst.append(2.0 * terminal / self._level - 1.0)
         violation = float(np.max(worst)) if np.all(np.isfinite(worst)) else np.inf
-        return Plan(np.array(controls, dtype=float), np.array(states), np.array(costs), terminal,
-                    violation, success)
+        return Trajectory(np.array(controls, dtype=float), np.array(states), np.array(costs),
+                          terminal, violation, success)
 
-    def solve(self, state: ArrayLike, guess: Plan, *, near: bool = False,
-              bound: float = np.inf) -> Plan:
+    def solve(self, state: ArrayLike, guess: Trajectory, *, near: bool = False,
+              bound: float = np.inf) -> Trajectory:
         """Return the plan of the local optimum that IPOPT reaches from a guess.
 
         ``near`` starts at the guess itself, for one that is nearly optimal. A plan that breaks
@@ -140,7 +140,7 @@ class OptimalControlProblem:
         guarded = self._solve(state, unknowns, near, guarded=True)
         return guarded if guarded.violation < plan.violation else plan
 
-    def _solve(self, state: ArrayLike, unknowns: Array, near: bool, guarded: bool) -> Plan:
+    def _solve(self, state: ArrayLike, unknowns: Array, near: bool, guarded: bool) -> Trajectory:
         """Run IPOPT from scaled unknowns, with the existence rows or without them."""
         solver, bounds = self._solver(near, guarded)
         result = solver(x0=unknowns, p=state, **bounds)

@@ -24,7 +24,7 @@ NODE_NAME = 'manifold_mpc_recorder'
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class StateHistory:
     """What was seen: n states and m commands; time 0 is the state that is answered first."""
 
     state_time_s: FloatArray   # (n,) stamps [s]
@@ -85,10 +85,10 @@ class Recorder(Listener):
         """Return the last torque seen (3,) [N m]."""
         return np.array(self._torques[-1])
 
-    def recording(self) -> Recording:
+    def history(self) -> StateHistory:
         """Return everything seen so far as arrays."""
         first_ns = self.first_ns
-        return Recording(
+        return StateHistory(
             state_time_s=_seconds(self._stamps_ns, first_ns),
             R_NB=np.array(self._attitudes).reshape(-1, 3, 3),
             omega_BN_B=np.array(self._rates).reshape(-1, 3),
