@@ -9,24 +9,16 @@ number of services that matched.
 
 from __future__ import annotations
 
-import os
 import random
 import sys
 import time
 
-#: On loopback, like the nodes of the tests; before the library is loaded.
-os.environ['CYCLONEDDS_URI'] = (
-    '<CycloneDDS><Domain><General><Interfaces><NetworkInterface name="lo" multicast="true"/>'
-    '</Interfaces><AllowMulticast>true</AllowMulticast></General><Discovery><Peers>'
-    '<Peer Address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>')
-
-from cyclonedds.core import Policy, Qos
+import cyclone
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.idl import make_idl_struct
 from cyclonedds.idl.types import sequence, uint8, uint32
 from cyclonedds.pub import DataWriter
 from cyclonedds.topic import Topic
-from cyclonedds.util import duration
 
 SERVICES = {
     'set_parameters': 'rcl_interfaces::srv::dds_::SetParameters_Request_',
@@ -43,8 +35,6 @@ SERVICES = {
 #: lies between has the middleware itself allocate gigabytes, before any node can refuse.
 HEADS = (0, 1, 2, 255, 2**31, 2**32 - 1)
 PATIENCE_S = 20.0
-QOS = Qos(Policy.Reliability.Reliable(duration(milliseconds=10)), Policy.Durability.Volatile,
-          Policy.History.KeepLast(10))
 
 
 def main(domain: int, node: str, rounds: int) -> None:
@@ -54,7 +44,7 @@ def main(domain: int, node: str, rounds: int) -> None:
         kind = make_idl_struct(
             service, type_name, {'head': uint32, 'tail': sequence[uint8]})
         topic = Topic(participant, f'rq/{node}/{service}Request', kind)
-        writers.append((kind, DataWriter(participant, topic, qos=QOS)))
+        writers.append((kind, DataWriter(participant, topic, qos=cyclone.RELIABLE)))
     until_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < until_s and not all(
             writer.get_matched_subscriptions() for _, writer in writers):
