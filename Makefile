@@ -5,7 +5,7 @@
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help setup test lint types pytest test-processors coverage demo figures golden policies bench clean
+.PHONY: help setup test lint types pytest test-processors coverage demo figures golden policies bench docs clean
 
 # The first that runs; the ROS wheels are tested with 3.11. Override with PYTHON=...
 PYTHON ?= $(firstword $(foreach p,python3.11 python3,$(shell $(p) -c '' 2> /dev/null && echo $(p))))
@@ -15,6 +15,7 @@ DEPENDENCIES := $(VENV)/.dependencies-installed
 STAMP := $(VENV)/.package-installed
 # Packages that `make bench` compares with and that would get in the way elsewhere.
 PEERS := $(VENV)/peers
+DOCS_TOOLS := $(VENV)/.docs-tools-installed
 
 # Files of tests go to this many processes; every test over DDS locks a domain of its own.
 TEST_WORKERS ?= 2
@@ -23,6 +24,7 @@ DEMO_ARGS ?=
 FIGURES_ARGS ?=
 BENCH_ARGS ?=
 PROCESSORS_ARGS ?=
+DOCS_ARGS ?=
 
 # Nodes of the tests and of the demo talk on this machine only.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
@@ -39,7 +41,7 @@ help:  ## Show this list
 	@echo
 	@echo '  PYTHON=...       the interpreter that .venv is made from ($(PYTHON))'
 	@echo '  PYTEST_ARGS=...  more arguments for pytest, likewise DEMO_ARGS, FIGURES_ARGS, BENCH_ARGS,'
-	@echo '                   PROCESSORS_ARGS'
+	@echo '                   PROCESSORS_ARGS, DOCS_ARGS'
 
 setup: $(STAMP)  ## Create .venv and install the package with ROS 2 and the test tools
 
@@ -84,8 +86,15 @@ policies: $(STAMP)  ## Write the SROS2 policies again, from what the executables
 golden: $(STAMP)  ## Record the golden bags of the tests again
 	@$(BIN)/python test/recording/record_golden.py
 
+# A warning fails, and so does a link within the repository that leads nowhere. Links to elsewhere:
+# DOCS_ARGS='-b linkcheck'
+docs: $(STAMP) $(DOCS_TOOLS)  ## Build the documents and the docstrings into build/docs
+	@rm -rf docs/api
+	@$(BIN)/sphinx-build -q -W --keep-going -c docs $(DOCS_ARGS) . build/docs
+	@echo 'build/docs/docs/index.html'
+
 clean:  ## Remove .venv and everything that was built
-	rm -rf $(VENV) build dist install log manifold_mpc_ros.egg-info
+	rm -rf $(VENV) docs/api build dist install log manifold_mpc_ros.egg-info
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
@@ -98,6 +107,10 @@ $(DEPENDENCIES): setup.py .ci/constraints.txt .ci/setup
 # it cannot be had the comparison goes on without it, and says so.
 $(PEERS): $(DEPENDENCIES)
 	@PYTHON='$(PYTHON)' .ci/setup $(VENV) peers
+	@touch $@
+
+$(DOCS_TOOLS): $(DEPENDENCIES)
+	@PYTHON='$(PYTHON)' .ci/setup $(VENV) docs
 	@touch $@
 
 # Seconds: the executables in .venv run the files of this checkout again.

@@ -45,6 +45,8 @@ CAMPAIGN = [*LAB, 'pyarrow>=14']
 # A C compiler for machines that have none: the solver is compiled when it is first used.
 COMPILER = ['ziglang>=0.13']
 CLUSTER = [*CAMPAIGN, 'distributed>=2024.1']
+# Sphinx, for `make docs`.
+DOCS = ['myst-parser', 'sphinx>=8.2', 'sphinxcontrib-mermaid']
 TEST = [
     'catkin-pkg',
     'colcon-core',
@@ -119,7 +121,7 @@ setup(
     python_requires='>=3.10',
     install_requires=FLIES,
     extras_require={'lab': LAB, 'campaign': CAMPAIGN, 'cluster': CLUSTER, 'compiler': COMPILER,
-                    'ros': ROS, 'test': CLUSTER + TEST},
+                    'docs': DOCS, 'ros': ROS, 'test': CLUSTER + TEST},
     entry_points={'console_scripts': [f'{name} = {main}' for name, main in EXECUTABLES.items()]},
     zip_safe=False,
 )
