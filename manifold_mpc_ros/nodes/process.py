@@ -155,7 +155,7 @@ def _live(node: ManagedNode, stop: StopRequest) -> int:
 
 
 def _leave(status: int) -> None:
-    """End the process now: not after a solver's thread, nor after taking the interpreter down."""
+    """End the process without joining the solver thread and without finalising Python."""
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(status)

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from manifold_mpc_ros.lab.certification.covering import cover
-from manifold_mpc_ros.lab.certification.enclosure import Verdict
+from manifold_mpc_ros.lab.certification.enclosure import BoxVerdict
 
 Array = NDArray[np.float64]
 
@@ -24,23 +24,23 @@ class Disc:
     wrong_at: float = 9.0
     calls: list[tuple[Array, Array, str]] = field(default_factory=list)
 
-    def judge(self, low: Array, high: Array) -> Verdict:
+    def judge(self, low: Array, high: Array) -> BoxVerdict:
         nearest = np.clip(0.0, low, high)
         verdict = self._verdict(low, high, float(np.hypot(*nearest)))
         self.calls.append((low, high, verdict.kind))
         return verdict
 
-    def _verdict(self, low: Array, high: Array, nearest: float) -> Verdict:
+    def _verdict(self, low: Array, high: Array, nearest: float) -> BoxVerdict:
         size = high - low
         if nearest > 1:
-            return Verdict('outside')
+            return BoxVerdict('outside')
         if low[0] <= self.wrong_at <= high[0]:
             if size[0] > 0.01:
-                return Verdict('undecided', 0, 'not yet')
-            return Verdict('refuted', reason='it is wrong here')
+                return BoxVerdict('undecided', 0, 'not yet')
+            return BoxVerdict('refuted', reason='it is wrong here')
         if size.max() > 0.2:
-            return Verdict('undecided', int(np.argmax(size)), 'too large')
-        return Verdict('verified', ratios={'size': float(size.max())})
+            return BoxVerdict('undecided', int(np.argmax(size)), 'too large')
+        return BoxVerdict('verified', ratios={'size': float(size.max())})
 
 
 LOW, HIGH = np.array([-1.1, -1.0]), np.array([1.0, 1.3])
@@ -83,8 +83,8 @@ def test_the_budget_ends_it() -> None:
 class Never:
     """Decides nothing."""
 
-    def judge(self, low: Array, high: Array) -> Verdict:  # noqa: ARG002
-        return Verdict('undecided', 0, 'cannot')
+    def judge(self, low: Array, high: Array) -> BoxVerdict:  # noqa: ARG002
+        return BoxVerdict('undecided', 0, 'cannot')
 
 
 def test_boxes_that_cannot_be_halved_end_it() -> None:

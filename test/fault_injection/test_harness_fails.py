@@ -14,7 +14,7 @@ import pytest
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 
 from manifold_mpc_ros.lab.fault_injection import trial
-from manifold_mpc_ros.lab.fault_injection.evidence import Verdict
+from manifold_mpc_ros.lab.fault_injection.evidence import TrialVerdict
 from manifold_mpc_ros.lab.fault_injection.fault import CONTROLLER, Phase
 from manifold_mpc_ros.lab.fault_injection.rig import BenchPlan
 from manifold_mpc_ros.lab.fault_injection.run import Done, run_trials
@@ -44,7 +44,7 @@ def runs() -> dict[str, Done]:
         return dict(zip(WAYS, pool.map(inject, WAYS), strict=True))
 
 
-def verdict(done: Done) -> Verdict:
+def verdict(done: Done) -> TrialVerdict:
     """Return the verdict under the fault; without one nothing is held against the controller."""
     assert done.failure == ''
     before, under_fault = done.verdicts

@@ -67,7 +67,7 @@ class Groups:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Search, print, draw; 0, as an answer that somebody may not like is an answer."""
+    """Search, print, draw; return 0, whatever the result."""
     from manifold_mpc_ros.cli import console as report
     from manifold_mpc_ros.cli.progress import Progress
     from manifold_mpc_ros.lab.domain import domain, text_report
