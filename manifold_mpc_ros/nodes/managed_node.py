@@ -96,7 +96,7 @@ class ManagedNode(LifecycleNode):
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.create_service(SetBool, '~/pause', self._on_pause)
         self._guard_transitions()
-        make_requests_safe(self)
+        make_requests_safe(self, self._table)
         self.barrier.guard_services(self)
 
     @abstractmethod

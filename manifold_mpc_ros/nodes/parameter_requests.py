@@ -15,21 +15,28 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.nodes.parameters import NodeParameters
+
 Answer = Callable[[Any, Any], Any]
 
 
-def make_requests_safe(node: Node) -> None:
-    """Answer every request to set parameters with success or the reason, whatever it holds."""
+def make_requests_safe(node: Node, table: NodeParameters) -> None:
+    """Answer every request to set parameters with success or the reason, whatever it holds.
+
+    What a parameter has already is no change, so a node takes its own dump.
+    """
     def one_by_one(
         request: SetParameters.Request, response: SetParameters.Response,
     ) -> SetParameters.Response:
-        response.results = [_set(node, [message]) for message in request.parameters]
+        response.results = [_set(node, table, [message]) for message in request.parameters]
         return response
 
     def all_or_nothing(
         request: SetParametersAtomically.Request, response: SetParametersAtomically.Response,
     ) -> SetParametersAtomically.Response:
-        response.result = _set(node, list(request.parameters))
+        response.result = _set(
+            node, table, list(request.parameters))
         return response
 
     answers: dict[type, Answer] = {
@@ -38,11 +45,15 @@ def make_requests_safe(node: Node) -> None:
         service.callback = answers.get(service.srv_type, service.callback)
 
 
-def _set(node: Node, messages: list[Any]) -> SetParametersResult:
+def _set(node: Node, table: NodeParameters, messages: list[Any]) -> SetParametersResult:
     """Set parameters together; a request that cannot be read is refused with the reason."""
     try:
-        parameters = [Parameter.from_parameter_msg(message) for message in messages]
-        return node.set_parameters_atomically(parameters)
+        changes = table.changes([Parameter.from_parameter_msg(message) for message in messages])
+        return node.set_parameters_atomically(changes)
+    except ConfigurationError as error:
+        return SetParametersResult(successful=False, reason=str(error))
     except Exception as error:  # noqa: BLE001  (whatever it was, the sender gets to know)
         reason = ' '.join(f'{type(error).__name__}: {error}'.split())
         return SetParametersResult(successful=False, reason=reason)
+    finally:
+        table.keep_types(message.name for message in messages)

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -25,15 +25,17 @@ from manifold_mpc_ros.config.parameter import (
 )
 from manifold_mpc_ros.errors import ConfigurationError
 
+USE_SIM_TIME = ROS_PARAMETERS[0]
+
 
 class NodeParameters:
     """The parameters of one node.
 
     Every parameter takes any type at first: a value of the wrong type has to reach the check,
-    which names key, value and what is valid, and must not end the process. Read-only ones are
-    fixed from the start. The others may be set while the node is unconfigured, each checked by
-    itself, and take effect when it configures; after that only where the node takes whole new
-    sets, and only such a set as could be configured.
+    which names key, value and what is valid, and must not end the process. What is accepted has
+    the type of the table. While the node is unconfigured each may be set, checked by itself, and
+    takes effect when it configures. After that the read-only ones are fixed, and the others may be
+    set only where the node takes whole new sets, and only such a set as could be configured.
 
     Arguments
     ---------
@@ -56,11 +58,66 @@ class NodeParameters:
         self._complete = complete
         self._check: Callable[[dict[str, Value]], object] | None = None
         self._restoring = False
-        self.changeable = True
         self._given = set(node.list_parameters([], 0).names)
         for spec in specs:
             self._declare(spec)
+        self.changeable = True
         node.add_on_set_parameters_callback(self._on_set)
+
+    @property
+    def changeable(self) -> bool:
+        """Whether every parameter may be set: the node is not configured."""
+        return self._changeable
+
+    @changeable.setter
+    def changeable(self, changeable: bool) -> None:
+        """Let the descriptors say from now on what is read-only."""
+        self._changeable = changeable
+        for name in [*self._specs, USE_SIM_TIME]:
+            # rclpy replaces no descriptor that is read-only, so it is changed in its place.
+            self._node.describe_parameter(name).read_only = not changeable and self._fixed(name)
+
+    def _fixed(self, name: str) -> bool:
+        """Whether a parameter is read when the node configures, and not again."""
+        spec = self._specs.get(name)
+        return name in ROS_PARAMETERS if spec is None else spec.read_only or self._check is None
+
+    def changes(self, parameters: Sequence[Parameter]) -> list[Parameter]:
+        """Return those of a request that change something, in the types of the table.
+
+        Raises ConfigurationError for one that is read-only now.
+        """
+        typed = list(map(self._typed, parameters))
+        changed = [each for each in typed if not self._has(each)]
+        self._given.update(each.name for each in typed if each.name in self._specs
+                           and each not in changed)
+        for each in changed:
+            if not self.changeable and self._fixed(each.name):
+                raise ConfigurationError(each.name, _plain(each.value), (
+                    'no change now: it is read when the node configures, so deactivate and clean '
+                    'up first'))
+        return changed
+
+    def keep_types(self, names: Iterable[str]) -> None:
+        """Describe parameters by the values that they have; rclpy by what was asked for."""
+        for name in filter(self._node.has_parameter, names):
+            kind = self._node.get_parameter(name).type_
+            self._node.describe_parameter(name).type = int(kind.value)
+
+    def _typed(self, parameter: Parameter) -> Parameter:
+        """Return a parameter in the type of the table, as it is where its value is not valid."""
+        spec = self._specs.get(parameter.name)
+        try:
+            return parameter if spec is None else Parameter(
+                parameter.name, value=spec.check(_plain(parameter.value)))
+        except ConfigurationError:
+            return parameter
+
+    def _has(self, parameter: Parameter) -> bool:
+        """Whether a parameter has this value already."""
+        present = self._node.get_parameter_or(parameter.name)
+        return (self._node.has_parameter(parameter.name) and present.type_ is parameter.type_
+                and bool(_plain(present.value) == _plain(parameter.value)))
 
     def resolve(self) -> dict[str, Value]:
         """Return one checked value for every parameter; raise ConfigurationError."""
@@ -88,9 +145,8 @@ class NodeParameters:
         """Return to values that were in force before, without handing them over again."""
         self._restoring = True
         try:
-            self._node.set_parameters_atomically([
-                Parameter(name, value=value) for name, value in values.items()
-                if not self._specs[name].read_only])
+            self._node.set_parameters_atomically(self.changes([
+                Parameter(name, value=value) for name, value in values.items()]))
         finally:
             self._restoring = False
 
@@ -123,8 +179,6 @@ class NodeParameters:
         try:
             if '' in changes:  # rclpy takes it for one that is declared
                 raise ConfigurationError('parameter', '', 'a name')
-            if not self.changeable:
-                self._refuse_too_late(changes, own)
             for name, value in own.items():
                 self._specs[name].check(value)
             if own and not self.changeable and self._check is not None:
@@ -133,15 +187,6 @@ class NodeParameters:
             return SetParametersResult(successful=False, reason=str(error))
         self._given.update(own)
         return SetParametersResult(successful=True)
-
-    def _refuse_too_late(self, changes: Mapping[str, Any], own: Mapping[str, Any]) -> None:
-        """Raise ConfigurationError for what is read when the node configures only."""
-        fixed = {name: value for name, value in changes.items()
-                 if name in ROS_PARAMETERS or (name in own and self._check is None)}
-        for name, value in fixed.items():
-            raise ConfigurationError(name, value, (
-                'no change now: it is read when the node configures, so deactivate and clean up '
-                'first'))
 
 
 def _plain(value: Any) -> Any:
@@ -154,7 +199,7 @@ def _descriptor(spec: ParameterSpec) -> ParameterDescriptor:
     unit = f' [{spec.unit}]' if spec.unit else ''
     descriptor = ParameterDescriptor(
         description=f'{spec.description}{unit}', additional_constraints=spec.valid,
-        read_only=spec.read_only, dynamic_typing=True)
+        dynamic_typing=True)
     if spec.low is not None and spec.high is not None:
         if spec.kind == 'int':
             descriptor.integer_range = [

@@ -38,7 +38,8 @@ from manifold_mpc_ros.nodes.controller.law_factory import law_with
 from manifold_mpc_ros.nodes.controller.realtime import Realtime
 from manifold_mpc_ros.nodes.controller.run_time_parameters import LawChanges
 from manifold_mpc_ros.nodes.controller.tick_timing import AnswerTiming, TickTiming, arrival_s
-from manifold_mpc_ros.nodes.managed_node import INPUT_QOS, STATE_QOS, ManagedNode, Status
+from manifold_mpc_ros.nodes.managed_node import STATE_QOS, ManagedNode, Status
+from manifold_mpc_ros.nodes.setpoint_input import SetpointInput
 from manifold_mpc_ros.nodes.state_input import StateInput
 from manifold_mpc_ros.nodes.usage import Program
 from manifold_mpc_ros.terminal.design import TerminalDesign
@@ -85,19 +86,18 @@ class AttitudeControllerNode(ManagedNode):
         self._prediction = self.advertise(Path, '~/prediction')
         self._states = StateInput(
             self, config.state_source, STATE_QOS, self._on_state, self._on_duplicate)
-        self._inputs = [
-            self.listen(QuaternionStamped, 'attitude_setpoint', self._on_setpoint, INPUT_QOS),
-        ]
+        self._setpoint_inputs = [SetpointInput(
+            self, QuaternionStamped, 'attitude_setpoint', self._on_setpoint)]
         if config.mpc.target == 'pointing':
-            self._inputs.append(self.listen(
-                Vector3Stamped, 'direction_setpoint', self._on_direction, INPUT_QOS))
+            self._setpoint_inputs.append(SetpointInput(
+                self, Vector3Stamped, 'direction_setpoint', self._on_direction))
 
     def take_down(self) -> None:
         """Remove the interfaces; the solver goes with the loop."""
         self._loop.close()
         self._states.close()
-        for subscription in self._inputs:
-            self.destroy_subscription(subscription)
+        for setpoints in self._setpoint_inputs:
+            setpoints.close()
         self._output.close()
         self.destroy_lifecycle_publisher(self._prediction)
 
