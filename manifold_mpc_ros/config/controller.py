@@ -13,6 +13,10 @@ from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.parameter import Value, by_field, resolve_parameters
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
 from manifold_mpc_ros.config.yaml_file import read_parameter_file
+from manifold_mpc_ros.errors import ConfigurationError
+
+#: A torque that acts later than this many steps after its command is not planned for.
+LONGEST_DELAY_STEPS = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +27,7 @@ class ControllerConfig:
     backend: str
     state_source: str
     actuator: str
+    actuation_delay_s: float
     inertial_frame_id: str
     body_frame_id: str
     initial_setpoint: str
@@ -33,6 +38,14 @@ class ControllerConfig:
     lock_memory: bool
     lockstep: bool
     autostart: bool
+
+    def __post_init__(self) -> None:
+        """Check what the fields together have to satisfy."""
+        longest_s = LONGEST_DELAY_STEPS * self.mpc.step_s
+        if self.actuation_delay_s > longest_s:
+            raise ConfigurationError(
+                'actuators.actuation_delay_s', self.actuation_delay_s,
+                f'at most {LONGEST_DELAY_STEPS} steps, {longest_s:g} s')
 
     @classmethod
     def from_yaml(cls, path: str | Path) -> ControllerConfig:

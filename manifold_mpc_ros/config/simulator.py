@@ -33,9 +33,9 @@ class SimulatorConfig:
 
     Vectors are in body axes B; ``initial_attitude_xyzw`` is the quaternion of R_NB (body to
     inertial) as x, y, z, w, stored with unit norm. ``max_torque_n_m`` None or inf means no limit.
-    ``state_period_s`` and ``control_period_s`` are multiples of ``step_s``; a command counts as
-    zero after ``command_timeout_periods`` control periods, 0.15 s at the least. The parameters
-    of ``config/simulator.yaml`` describe each field with its unit and range.
+    ``state_period_s``, ``control_period_s`` and ``actuation_delay_s`` are multiples of ``step_s``;
+    a command counts as zero after ``command_timeout_periods`` control periods, 0.15 s at the
+    least. The parameters of ``config/simulator.yaml`` describe each field with its unit and range.
 
     Raises
     ------
@@ -50,6 +50,7 @@ class SimulatorConfig:
     initial_rate_rad_s: FloatArray = (0.0, 0.0, 0.0)  # type: ignore[assignment]
     max_torque_n_m: FloatArray | None = None
     disturbance_torque_n_m: FloatArray = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+    actuation_delay_s: float = 0.0
     attitude_noise_std_rad: float = 0.0
     rate_noise_std_rad_s: float = 0.0
     seed: int = 0
@@ -77,7 +78,8 @@ class SimulatorConfig:
         for name in ('step_s', 'state_period_s', 'control_period_s', 'real_time_factor',
                      'lockstep_retry_s', 'lockstep_timeout_s'):
             self._store(name, checks.positive(name, getattr(self, name)))
-        for name in ('attitude_noise_std_rad', 'rate_noise_std_rad_s', 'overdue_wait_s'):
+        for name in ('actuation_delay_s', 'attitude_noise_std_rad', 'rate_noise_std_rad_s',
+                     'overdue_wait_s'):
             self._store(name, checks.non_negative(name, getattr(self, name)))
         self._store('seed', checks.integer('seed', self.seed, low=0))
         self._store('command_timeout_periods', checks.integer(
@@ -114,6 +116,11 @@ class SimulatorConfig:
         return round(self.control_period_s / self.step_s)
 
     @property
+    def delay_steps(self) -> int:
+        """Plant steps from a command to its torque."""
+        return round(self.actuation_delay_s / self.step_s)
+
+    @property
     def command_life_s(self) -> float:
         """Age at which the last command counts as zero [s of simulated time]."""
         return max(self.command_timeout_periods * self.control_period_s, SHORTEST_COMMAND_LIFE_S)
@@ -124,10 +131,11 @@ class SimulatorConfig:
 
     def _check_timing(self) -> None:
         """Refuse periods that plant steps do not fill, and a time that nobody could follow."""
-        for name in ('state_period_s', 'control_period_s'):
+        for name, least in (('state_period_s', 1), ('control_period_s', 1),
+                            ('actuation_delay_s', 0)):
             period = getattr(self, name)
             ratio = period / self.step_s
-            if round(ratio) < 1 or not np.isclose(ratio, round(ratio), rtol=1e-9, atol=0.0):
+            if round(ratio) < least or not np.isclose(ratio, round(ratio), rtol=1e-9, atol=0.0):
                 raise ConfigurationError(
                     name, period, f'a multiple of the plant step {self.step_s:g} s')
         followed = self.publish_clock or self.lockstep

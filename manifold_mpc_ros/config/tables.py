@@ -101,6 +101,10 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
     ParameterSpec(
         'actuators.kind', 'str', 'torque', 'what turns the body', choices=tuple(ACTUATORS),
         read_only=True, name_in_config='actuator'),
+    ParameterSpec(
+        'actuators.actuation_delay_s', 'float', 0.0,
+        'time from a command to its torque, which the plan is made for; at most 10 steps',
+        unit='s', low=0.0, high=3600.0),
     _INERTIAL_FRAME,
     _BODY_FRAME,
     ParameterSpec(
@@ -148,6 +152,10 @@ SIMULATOR_PARAMETERS: tuple[ParameterSpec, ...] = (
         'plant.disturbance_torque_n_m', 'floats', [0.0, 0.0, 0.0],
         'constant torque in body axes, added after the actuator limits', unit='N m',
         lengths=(3,)),
+    ParameterSpec(
+        'plant.actuation_delay_s', 'float', 0.0,
+        'time from a command to its torque, a multiple of the plant step', unit='s', low=0.0,
+        high=60.0),
     ParameterSpec(
         'sensor.attitude_noise_std_rad', 'float', 0.0,
         'standard deviation of the attitude noise about each body axis', unit='rad', low=0.0,

@@ -37,12 +37,17 @@ class Command:
         """The body torque (3,) that is asked of the actuator [N m]."""
         return self.actuation.torque_B_n_m
 
+
 @dataclass(frozen=True)
 class Law:
-    """A control law that is ready to work: its configuration, its solver, and who judges it."""
+    """A control law that is ready to work: its configuration, its solver, and who judges it.
+
+    A torque begins to act ``actuation_delay_s`` after the tick that it is sent at.
+    """
 
     config: AttitudeMpcConfig
     solver: SolverRunner
     timeout_s: float
     monitor: DecreaseMonitor | None = None
     backend: str = ''
+    actuation_delay_s: float = 0.0

@@ -26,11 +26,19 @@ from manifold_mpc_ros.control.input_gate import (
     StateGate,
     StateSample,
 )
-from manifold_mpc_ros.control.modes import Decision, Facts, Mode, ModeLogic, SolveOutcome
+from manifold_mpc_ros.control.modes import (
+    PROPAGATE_STEPS,
+    Decision,
+    Facts,
+    Mode,
+    ModeLogic,
+    SolveOutcome,
+)
 from manifold_mpc_ros.control.output_gate import OutputGate
 from manifold_mpc_ros.control.solver_thread import SolveRequest, SolveResult
 from manifold_mpc_ros.control.tick_time import TickTime
 from manifold_mpc_ros.control.torque_actuator import TorqueActuator
+from manifold_mpc_ros.control.torque_history import TorqueHistory
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.errors import StepExistenceError
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
@@ -69,6 +77,7 @@ class ControlLoop:
         self.logic = ModeLogic(_ns(law.config.step_s), _ns(law.timeout_s))
         self.output = OutputGate(make_actuator(law.config))
         self._plan = HeldPlan(_ns(law.config.step_s))
+        self._sent = TorqueHistory(0)
         self._mode = Mode.WAIT
         self._epoch = 0
         self._take(law)
@@ -100,6 +109,8 @@ class ControlLoop:
     def _take(self, law: Law) -> None:
         """Plan with this law from now on."""
         self._law = law
+        self._delay_ns = _ns(law.actuation_delay_s)
+        self._sent.kept_ns = self._delay_ns + PROPAGATE_STEPS * _ns(law.config.step_s)
         self._fallback = FallbackLaw(law.config)
         self._cold = True
 
@@ -155,9 +166,10 @@ class ControlLoop:
         self.logic.enter(decision)
         command = Command(
             time_ns if sample is None else sample.stamp_ns,
-            self._actuate(decision, held_B_n_m, age_ns or 0), decision.mode, decision.reason,
-            _SOURCES.get(decision.mode, 'zero'), solution)
+            self._actuate(decision, held_B_n_m, time_ns, age_ns or 0), decision.mode,
+            decision.reason, _SOURCES.get(decision.mode, 'zero'), solution)
         self._mode = decision.mode
+        self._sent.record(time_ns, command.actuation.realised_B_n_m)
         judged = self._judged(command, at)
         self.logic.succeed()
         return judged
@@ -168,18 +180,20 @@ class ControlLoop:
         self._mode = decision.mode
         self._flush('an error')
         stamp_ns = at.time_ns(None) if self.sample is None else self.sample.stamp_ns
+        self._sent.record(at.time_ns(self.sample), np.zeros(3))
         return Command(stamp_ns, self.output.zero(), decision.mode, decision.reason)
 
     def stopped(self, now_ns: int) -> Command:
         """Return the last command, zero."""
         self.logic.stop()
+        self._sent.record(now_ns, np.zeros(3))
         return Command(
             now_ns, self.output.zero(), Mode.STOPPING, self.logic.decide(Facts(None)).reason)
 
     def _solve(self, time_ns: int, age_ns: int) -> tuple[Facts, AttitudeMpcSolution | None]:
         """Request a plan from the state at the tick; store it if it is better than the old one."""
         try:
-            R_NB, omega_BN_B = self._at_the_tick(age_ns)
+            R_NB, omega_BN_B = self._when_acting(time_ns, age_ns)
         except StepExistenceError as error:
             return Facts(age_ns, SolveOutcome.BEYOND_GUARD, detail=str(error)), None
         if self._fallback.beyond_guard(omega_BN_B):
@@ -208,28 +222,33 @@ class ControlLoop:
         self._cold = offer is Offer.INVALID
         return offer
 
-    def _at_the_tick(self, age_ns: int) -> tuple[FloatArray, FloatArray]:
-        """Return attitude and rate now: moved on by their age under the torque that is realised.
+    def _when_acting(self, time_ns: int, age_ns: int) -> tuple[FloatArray, FloatArray]:
+        """Return attitude and rate when a torque that is sent now begins to act.
+
+        The state is moved on by its age and the actuation delay, under the torques that were
+        sent in that time, one delay earlier.
 
         Raises StepExistenceError where the implicit step is not guaranteed.
         """
         assert self.sample is not None
         R_NB, omega_BN_B = self.sample.R_NB, self.sample.omega_BN_B
-        age_s, config = age_ns / NANOSECONDS, self._law.config
-        steps = math.ceil(age_s / config.step_s)
-        for _ in range(steps):
-            R_NB, omega_BN_B = lgvi_step(
-                R_NB, omega_BN_B, self.output.latest.realised_B_n_m,
-                inertia_kg_m2=config.inertia_kg_m2, step_s=age_s / steps)
+        config = self._law.config
+        for lasting_ns, torque_B_n_m in self._sent.between(
+                time_ns - age_ns - self._delay_ns, time_ns):
+            steps = math.ceil(lasting_ns / NANOSECONDS / config.step_s)
+            for _ in range(steps):
+                R_NB, omega_BN_B = lgvi_step(
+                    R_NB, omega_BN_B, torque_B_n_m, inertia_kg_m2=config.inertia_kg_m2,
+                    step_s=lasting_ns / NANOSECONDS / steps)
         return R_NB, omega_BN_B
 
     def _actuate(
-        self, decision: Decision, held_B_n_m: FloatArray | None, age_ns: int,
+        self, decision: Decision, held_B_n_m: FloatArray | None, time_ns: int, age_ns: int,
     ) -> Actuation:
         """Return what the actuator is commanded in a mode."""
         mode = decision.mode
         if mode is Mode.FALLBACK:
-            return self.output.let_through(self._fall_back(age_ns))
+            return self.output.let_through(self._fall_back(time_ns, age_ns))
         self._fallback.reset()
         if mode not in (Mode.NOMINAL, Mode.HOLD):
             return self.output.zero()
@@ -238,12 +257,12 @@ class ControlLoop:
         assert held_B_n_m is not None
         return self.output.let_through(held_B_n_m)
 
-    def _fall_back(self, age_ns: int) -> FloatArray:
-        """Return the torque of the fallback law, at the tick where the state can be moved on."""
+    def _fall_back(self, time_ns: int, age_ns: int) -> FloatArray:
+        """Return the torque of the fallback law for the state when it acts, else the latest."""
         assert self.sample is not None
         assert self._R_ND is not None
         try:
-            state = self._at_the_tick(age_ns)
+            state = self._when_acting(time_ns, age_ns)
         except StepExistenceError:
             state = self.sample.R_NB, self.sample.omega_BN_B
         return self._fallback.torque(*state, self._R_ND)

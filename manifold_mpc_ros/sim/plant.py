@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import operator
+from collections import deque
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -84,6 +85,7 @@ class Plant:
         self._R_NB = so3.rotation_from_quaternion([w, x, y, z])
         self._omega_BN_B = np.array(self.config.initial_rate_rad_s, dtype=np.float64)
         self._torque_B = np.zeros(3)
+        self._under_way = deque([np.zeros(3)] * self.config.delay_steps)
         self._steps = 0
         self.counters = PlantCounters()
         # One stream each: switching one noise off leaves the other as it was.
@@ -121,10 +123,12 @@ class Plant:
 
         The torque is clipped axis by axis, as separate actuators do: a command outside the box
         changes its direction. A command that is not finite counts as zero. The disturbance acts
-        beyond the limits. The state stays finite whatever is commanded, and `counters` tell
-        what was done about it (test_plant.py).
+        beyond the limits, and a torque acts ``config.actuation_delay_s`` after its command. The
+        state stays finite whatever is commanded, and `counters` tell what was done about it
+        (test_plant.py).
         """
-        self._torque_B = self._actuate(np.asarray(tau_B, dtype=np.float64))
+        self._under_way.append(self._actuate(np.asarray(tau_B, dtype=np.float64)))
+        self._torque_B = self._under_way.popleft()
         self._steps += 1
         substeps = self._substeps_needed()
         if substeps == 0:

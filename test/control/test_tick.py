@@ -92,19 +92,19 @@ def test_the_receipt_of_a_state_ages_too() -> None:
     assert command.mode is Mode.COAST  # it takes valid states to come back
 
 
-def test_the_state_is_moved_on_to_the_tick_under_the_last_command() -> None:
-    solver = Script()
+def test_the_state_is_moved_on_to_the_tick_under_the_commands_since() -> None:
+    solver, expected = Script(), (R_NB, OMEGA)
     loop = loop_with(solver, FREE)
     loop.admit(SAMPLE)
-    first = loop.tick(ClockTime(SAMPLE.stamp_ns)).torque_B_n_m
+    torque = loop.tick(ClockTime(SAMPLE.stamp_ns)).torque_B_n_m
     np.testing.assert_array_equal(solver.states[0][0], R_NB)
     np.testing.assert_array_equal(solver.states[0][1], OMEGA)
-    for age_s, steps in ((0.04, 1), (0.7, 2)):
-        loop.tick(ClockTime(SAMPLE.stamp_ns + round(age_s * 1e9)))
-        expected = R_NB, OMEGA
+    for age_s, last_s, steps in ((0.04, 0.0, 1), (0.7, 0.04, 2)):
+        solver.torque = solver.torque + 0.1
         for _ in range(steps):
-            expected = lgvi_step(*expected, first, inertia_kg_m2=FREE.inertia_kg_m2,
-                                 step_s=age_s / steps)
+            expected = lgvi_step(*expected, torque, inertia_kg_m2=FREE.inertia_kg_m2,
+                                 step_s=(age_s - last_s) / steps)
+        torque = loop.tick(ClockTime(SAMPLE.stamp_ns + round(age_s * 1e9))).torque_B_n_m
         np.testing.assert_allclose(solver.states[-1][0], expected[0], rtol=0, atol=1e-14)
         np.testing.assert_allclose(solver.states[-1][1], expected[1], rtol=0, atol=1e-14)
     loop.tick(LOCKSTEP)

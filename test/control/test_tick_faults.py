@@ -138,7 +138,7 @@ def test_errors_of_our_own_are_zero_and_latch_when_they_go_on() -> None:
     loop = loop_with(Script())
     loop.admit(SAMPLE)
     for tick in range(1, 6):
-        command = loop.failed(5, 'no such thing')
+        command = loop.failed(LOCKSTEP, 'no such thing')
         assert command.mode is (Mode.WAIT if tick < 3 else Mode.FAULT)
         assert not command.torque_B_n_m.any()
         assert command.stamp_ns == SAMPLE.stamp_ns
@@ -147,7 +147,7 @@ def test_errors_of_our_own_are_zero_and_latch_when_they_go_on() -> None:
     loop.reset()
     loop.admit(SAMPLE)
     for _ in range(5):
-        assert loop.failed(5, 'now and then').mode is Mode.WAIT
+        assert loop.failed(LOCKSTEP, 'now and then').mode is Mode.WAIT
         assert loop.tick(LOCKSTEP).mode is Mode.NOMINAL
 
 

@@ -40,7 +40,7 @@ def law_with(
         config.mpc, solver.terminal.P, decrease_tolerance=config.decrease_tolerance,
         attitude_noise_rad=config.attitude_noise_rad)
     return Law(config.mpc, runner_for(solver, config, prepare), config.state_timeout_s, monitor,
-               solver.backend)
+               solver.backend, config.actuation_delay_s)
 
 
 def runner_for(

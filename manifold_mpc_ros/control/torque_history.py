@@ -1,0 +1,50 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The torques already sent, by the time of their ticks: what acts, and is still to act."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+
+import numpy as np
+
+from manifold_mpc_ros.config.checks import FloatArray
+
+_NONE = np.zeros(3)
+
+
+class TorqueHistory:
+    """A torque as a function of the time that it was sent, piecewise constant, 0 at first.
+
+    Arguments
+    ---------
+    kept_ns
+        How long before the latest torque the function is known [ns].
+
+    """
+
+    def __init__(self, kept_ns: int) -> None:
+        """Start with no torque sent."""
+        self.kept_ns = kept_ns
+        self._sent: deque[tuple[int, FloatArray]] = deque()
+
+    def record(self, time_ns: int, torque_B_n_m: FloatArray) -> None:
+        """Note that a torque (3,) [N m] was sent; what was sent later than now is void."""
+        while self._sent and self._sent[-1][0] >= time_ns:
+            self._sent.pop()
+        self._sent.append((time_ns, torque_B_n_m))
+        while len(self._sent) > 1 and self._sent[1][0] <= time_ns - self.kept_ns:
+            self._sent.popleft()
+
+    def between(self, begin_ns: int, end_ns: int) -> Iterator[tuple[int, FloatArray]]:
+        """Return the torques (3,) [N m] from begin to end, each with its duration [ns]."""
+        torque = _NONE
+        for sent_ns, following in self._sent:
+            if begin_ns < sent_ns < end_ns:
+                yield sent_ns - begin_ns, torque
+                begin_ns = sent_ns
+            if sent_ns < end_ns:
+                torque = following
+        if begin_ns < end_ns:
+            yield end_ns - begin_ns, torque
