@@ -28,6 +28,8 @@ NANOSECONDS = 1_000_000_000
 QUATERNION_NORM_TOLERANCE = 1e-2
 #: The least time that a stamp may lie ahead of the clock [s].
 SHORTEST_FUTURE_TOLERANCE_S = 0.01
+#: Stamps that are older, or lie farther ahead, are of another clock [s].
+LONGEST_AGE_OF_ONE_CLOCK_S = 86400.0
 
 
 class Reason(str, Enum):
@@ -169,9 +171,9 @@ class StateGate:
             return Refusal(Reason.INVALID_STAMP, 'the stamp is zero or negative')
         age_ns = now_ns - stamp_ns
         if self._timed and age_ns < -self._future_ns:
-            return Refusal(Reason.FUTURE, f'the stamp is {-age_ns / NANOSECONDS:.3f} s ahead')
+            return Refusal(Reason.FUTURE, _age(-age_ns, 'ahead'))
         if self._timed and age_ns > self._timeout_ns:
-            return Refusal(Reason.STALE, f'the stamp is {age_ns / NANOSECONDS:.3f} s old')
+            return Refusal(Reason.STALE, _age(age_ns, 'old'))
         if self._last_ns is None or stamp_ns > self._last_ns:
             return None
         if stamp_ns == self._last_ns:
@@ -215,6 +217,14 @@ def admit_torque(
     refusal = (_wrong_frame(frame_id, body_frame_id, 'body')
                or _not_finite(torque_B, 'torque'))
     return np.array(torque_B, dtype=np.float64) if refusal is None else refusal
+
+
+def _age(age_ns: int, which: str) -> str:
+    """Say how old a stamp is, or how far ahead."""
+    age_s = age_ns / NANOSECONDS
+    another = age_s > LONGEST_AGE_OF_ONE_CLOCK_S
+    return f'the stamp is {age_s:.3f} s {which}' + (
+        ', by another clock than the one here: see use_sim_time of both' if another else '')
 
 
 def _wrong_frame(frame_id: str | None, expected: str, which: str) -> Refusal | None:

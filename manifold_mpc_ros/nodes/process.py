@@ -13,7 +13,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import FrameType
 from typing import TYPE_CHECKING
 
@@ -85,7 +85,7 @@ def _run_checked(
     """Check arguments, parameter files and the keystore, then run the node."""
     arguments = parse_arguments(program, sys.argv[1:] if argv is None else argv)
     try:
-        sections = [section for path in arguments.parameter_files for section in sections_of(path)]
+        sections = {path: sections_of(path) for path in arguments.parameter_files}
         demand_keystore(os.environ)
     except ConfigurationError as error:
         return _fail(program, error)
@@ -101,10 +101,10 @@ def _run_checked(
 
 
 def _run_with_ros(
-    program: Program, node_class: str, arguments: Arguments, sections: list[str],
+    program: Program, node_class: str, arguments: Arguments, sections: Mapping[str, list[str]],
     stop: StopRequest,
 ) -> int:
-    """Initialise ROS, start the node, spin until the end; ``sections``: of its parameter files."""
+    """Initialise ROS, start the node, spin until the end; ``sections``: of each parameter file."""
     import rclpy
     from rclpy.exceptions import NameValidationException, ParameterException
     from rclpy.signals import SignalHandlerOptions
@@ -119,15 +119,24 @@ def _run_with_ros(
         return _fail(program, ' '.join(str(error).split()))
     stop.at_once = lambda: node.configuring
     try:
-        full_name = node.get_fully_qualified_name()
-        if arguments.parameter_files and not any(applies(key, full_name) for key in sections):
-            return _fail(program, ConfigurationError(
-                ', '.join(arguments.parameter_files), sections,
-                f'a section for {full_name!r}, the full name of this node'))
+        unused = _without_section(sections, node.get_fully_qualified_name())
+        if unused and len(unused) == len(sections):
+            return _fail(program, '; '.join(map(str, unused)))
+        for mistake in unused:
+            node.get_logger().warning(str(mistake))
         return _live(node, stop)
     finally:
         stop.heeded()
         node.destroy_node()
+
+
+def _without_section(
+    sections: Mapping[str, list[str]], full_name: str,
+) -> list[ConfigurationError]:
+    """Return what is wrong with the files of which a node reads nothing."""
+    expected = f'a section for {full_name!r}, the full name of this node'
+    return [ConfigurationError(path, keys, expected)
+            for path, keys in sections.items() if not any(applies(key, full_name) for key in keys)]
 
 
 def _live(node: ManagedNode, stop: StopRequest) -> int:

@@ -133,6 +133,13 @@ def test_a_refused_stamp_is_said_in_seconds(stamp_s: float, said: str) -> None:
     assert refusal.detail == said
 
 
+@pytest.mark.parametrize(('stamp_s', 'now_s'), [(1.8e9, 100.0), (100.0, 1.8e9)])
+def test_stamps_of_another_clock_are_named(stamp_s: float, now_s: float) -> None:
+    refusal = gate().admit(at(stamp_s), ns(now_s))
+    assert isinstance(refusal, Refusal)
+    assert 'by another clock than the one here: see use_sim_time of both' in refusal.detail
+
+
 def test_the_first_stamp_of_all_and_time_that_steps_back_by_the_timeout() -> None:
     first = dataclasses.replace(GOOD, stamp_ns=1)
     assert isinstance(gate(timed=False).admit(first, 0), StateSample)

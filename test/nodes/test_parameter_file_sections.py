@@ -55,3 +55,12 @@ def test_a_section_is_for_the_node(
                         remap={'__ns': namespace})
     rig.until(log_line(process, 'configuring'), 'the node is configured')
     assert 'the full name of this node' not in process.log
+
+
+def test_one_of_two_files_has_no_section(rig: Rig, tmp_path: Path) -> None:
+    """As when launch adds a file of its own to a file for somebody else."""
+    path = file_for(tmp_path, '/sat1/attitude_controller')
+    process = rig.run(['manifold_mpc_ros.nodes.controller.main', '--ros-args', '--params-file',
+                       str(CONFIG / 'controller.yaml'), '--params-file', str(path)])
+    rig.until(log_line(process, 'configuring'), 'the node is configured')
+    assert process.log.count(f"{path}: ['/sat1/attitude_controller', '/log_bridge']") == 1
