@@ -12,6 +12,7 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from manifold_mpc_ros.config.cones import Cone
     from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
     from manifold_mpc_ros.dynamics.lgvi import lgvi_step
     from manifold_mpc_ros.errors import ManifoldMpcError
@@ -21,15 +22,15 @@ if TYPE_CHECKING:
     from manifold_mpc_ros.terminal.design import TerminalDesign
 
 __all__ = [
-    'AttitudeMpc', 'AttitudeMpcConfig', 'AttitudeMpcSolution', 'BatchMpc', 'ManifoldMpcError',
-    'SolveStatus', 'TerminalDesign', 'lgvi_step',
+    'AttitudeMpc', 'AttitudeMpcConfig', 'AttitudeMpcSolution', 'BatchMpc', 'Cone',
+    'ManifoldMpcError', 'SolveStatus', 'TerminalDesign', 'lgvi_step',
 ]
 
 # The module of each public name, as above, where type checkers read it.
 _MODULES = {
     'AttitudeMpc': 'mpc.attitude_mpc', 'AttitudeMpcConfig': 'config.control_law',
     'AttitudeMpcSolution': 'mpc.solution', 'BatchMpc': 'mpc.batch_mpc',
-    'ManifoldMpcError': 'errors', 'SolveStatus': 'mpc.solution',
+    'Cone': 'config.cones', 'ManifoldMpcError': 'errors', 'SolveStatus': 'mpc.solution',
     'TerminalDesign': 'terminal.design', 'lgvi_step': 'dynamics.lgvi',
 }
 

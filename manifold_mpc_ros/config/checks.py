@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import itertools
 import numbers
 from collections.abc import Sequence
 from typing import Any
@@ -15,6 +16,8 @@ from manifold_mpc_ros.errors import ConfigurationError
 
 FloatArray = npt.NDArray[np.float64]
 
+#: Corners (8, 3) of the cube [-1, 1]^3.
+CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 #: Relative tolerance on symmetry, and relative margin that 'positive definite' asks for.
 SYMMETRY_TOLERANCE = 1e-9
 DEFINITENESS_MARGIN = 1e-12

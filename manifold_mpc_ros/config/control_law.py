@@ -4,15 +4,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from manifold_mpc_ros.config import checks as checks
-from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.config.checks import CORNERS, FloatArray
+from manifold_mpc_ros.config.cones import (
+    Between,
+    Cone,
+    best_margin_rad,
+    between_samples,
+    unique_cones,
+)
 from manifold_mpc_ros.config.parameter import (
     Value,
     by_field,
@@ -73,6 +81,9 @@ class AttitudeMpcConfig:
         The body axis b that points (normalised) [1].
     pointing_weight
         w [1].
+    cones
+        Cones (:class:`.Cone`) that body axes stay out of or in. They need limits on the torque and
+        the rate of every axis, which bound how far an axis moves between two samples.
 
     Raises
     ------
@@ -98,6 +109,7 @@ class AttitudeMpcConfig:
     target: str = 'attitude'
     pointing_axis_B: FloatArray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     pointing_weight: float = 2.0
+    cones: Sequence[Cone] = ()
 
     def __post_init__(self) -> None:
         """Check every field, then what the fields together have to satisfy."""
@@ -129,6 +141,9 @@ class AttitudeMpcConfig:
         self._store('pointing_weight', checks.positive('pointing_weight', self.pointing_weight))
         self._check_branch()
         self._check_existence()
+        self._store('cones', unique_cones('cones', self.cones))
+        if self.cones:
+            self._check_cones()
 
     @classmethod
     def from_yaml(cls, path: str | Path) -> AttitudeMpcConfig:
@@ -188,6 +203,37 @@ class AttitudeMpcConfig:
                 *self._rate_limit(),
                 f'limits with step_s * |largest rate| below {MAX_STEP_ANGLE_RAD} rad '
                 f'(it is {angle:.4g} rad with step_s = {self.step_s:g})')
+
+    @cached_property
+    def between_samples(self) -> Between:
+        """How far axes move between samples.
+
+        Raises ConfigurationError where limits are missing that bound it.
+        """
+        box = self.max_torque_n_m
+        rate = min((limit.largest_rate_rad_s for limit in self.rate_limits
+                    if limit.limits_every_axis), default=None)
+        if box is None or not np.isfinite(box).all() or rate is None:
+            raise ConfigurationError(
+                'cones', [each.name for each in self.cones],
+                'limits on torque and rate of every axis (max_torque_n_m, and max_rate_rad_s or '
+                'another rate limit) where there are cones: they bound the way between samples')
+        changes = np.linalg.solve(self.inertia_kg_m2, (box * CORNERS).T)
+        return between_samples(self.inertia_kg_m2, float(np.linalg.norm(changes, axis=0).max()),
+                               rate, self.step_s)
+
+    @property
+    def kept_cones(self) -> tuple[Cone, ...]:
+        """The cones that, kept at every sample, are kept between samples."""
+        return tuple(each.tightened(self.between_samples) for each in self.cones)
+
+    def _check_cones(self) -> None:
+        """Refuse cones that no attitude keeps together."""
+        best = best_margin_rad(self.kept_cones)
+        if best < 0.0:
+            raise ConfigurationError(
+                'cones', [each.name for each in self.cones], 'cones that some attitude keeps '
+                f'together (the best one misses by {np.degrees(-best):.3g} degrees)')
 
     def _rate_limit(self) -> tuple[str, object]:
         """Return name and value of a rate limit, for an error."""

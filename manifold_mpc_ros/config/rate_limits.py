@@ -8,7 +8,6 @@ states, CasADi expressions, or balls of a proof.
 
 from __future__ import annotations
 
-import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Any
@@ -16,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.config.checks import CORNERS, FloatArray
 
 BoolArray = NDArray[np.bool_]
 
@@ -35,6 +34,9 @@ class RateLimit(ABC):
     @abstractmethod
     def ratios(self, omega_BN_B: Any) -> dict[str, Any]:
         """Return numbers by name, at most 1 inside."""
+
+    #: Whether no axis is free.
+    limits_every_axis: bool = True
 
     @property
     @abstractmethod
@@ -56,6 +58,7 @@ class RateBox(RateLimit):
         """Keep the half widths (3,)."""
         self.max_rate_rad_s = max_rate_rad_s
         self._limited = np.flatnonzero(np.isfinite(max_rate_rad_s)).tolist()
+        self.limits_every_axis = len(self._limited) == 3
 
     def values(self, omega_BN_B: Any) -> list[Any]:
         """Return ``+-omega_i / max_rate_i - 1`` of the limited axes."""
@@ -75,8 +78,7 @@ class RateBox(RateLimit):
     def largest_momentum_n_m_s(self, inertia_kg_m2: FloatArray) -> float:
         """Return |J omega| of the worst corner."""
         box = np.where(np.isfinite(self.max_rate_rad_s), self.max_rate_rad_s, 0.0)
-        signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
-        return float(np.linalg.norm((signs * box) @ inertia_kg_m2, axis=1).max())
+        return float(np.linalg.norm((CORNERS * box) @ inertia_kg_m2, axis=1).max())
 
 
 class RateEllipsoid(RateLimit):

@@ -34,6 +34,9 @@ HALF_TURN_W = 8.0 * float(np.finfo(np.float64).eps)
 # An axis component at or below this part of the largest one does not decide the axis sign.
 AXIS_SIGN_SCALE = 1e-9
 
+# The positive root of psi^4 = psi + 4.
+_SPIRAL = 1.533751168755204288118041
+
 _IDENTITY = np.eye(3)
 
 
@@ -216,6 +219,19 @@ def attitude_error_B(R_ND: ArrayLike, R_NB: ArrayLike) -> Array:
 def random_rotations(rng: np.random.Generator, n: int) -> Array:
     """Return n rotations (n, 3, 3), uniform on SO(3)."""
     return rotation_from_quaternion(rng.standard_normal((n, 4)))
+
+
+def spiral_rotations(n: int) -> Array:
+    """Return n rotations (n, 3, 3) spread evenly over SO(3), the same every time.
+
+    Super-Fibonacci spirals: two circles of the unit quaternions, turned at the irrational rates
+    ``1/sqrt 2`` and ``1/psi``, ``psi^4 = psi + 4``, the squared radii going from 0 to 1.
+    """
+    s = np.arange(n) + 0.5
+    first, second = np.sqrt(s / n), np.sqrt(1.0 - s / n)
+    a, b = 2.0 * np.pi * s / np.sqrt(2.0), 2.0 * np.pi * s / _SPIRAL
+    return rotation_from_quaternion(np.stack(
+        [first * np.sin(a), first * np.cos(a), second * np.sin(b), second * np.cos(b)], axis=-1))
 
 
 def project(matrix: ArrayLike) -> Array:

@@ -6,11 +6,13 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from manifold_mpc_ros.config.cones import directions
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.mpc import search
@@ -93,6 +95,9 @@ class AttitudeMpc:
         self._guard_squared = float(np.linalg.eigvalsh(inertia)[0]) ** 2
         self._R_ND = _IDENTITY
         self._value_bound: float | None = None
+        self._directions_N = np.zeros(0)
+        if config.cones:
+            self._set_directions(directions(config.cones, None, config.horizon))
         self._inside = True
         self._deadline_s = math.inf
 
@@ -101,7 +106,8 @@ class AttitudeMpc:
         self._value_bound = None
 
     def solve(self, R_NB: ArrayLike, omega_BN_B: ArrayLike, R_ND: ArrayLike | None = None, *,
-              max_solve_time_s: float | None = None) -> AttitudeMpcSolution:
+              max_solve_time_s: float | None = None,
+              directions_N: Mapping[str, ArrayLike] | None = None) -> AttitudeMpcSolution:
         """Map a measured state to a plan.
 
         Arguments
@@ -116,16 +122,23 @@ class AttitudeMpc:
             Time [s] after which no pass and no start begins: the best plan so far is the answer,
             'feasible' instead of 'converged', or 'infeasible' when none has met every limit yet.
             None: until it converges.
+        directions_N
+            Directions of cones by name, now, (3,), or at every node, (N + 1, 3); those of the
+            configuration for every other cone.
 
         Raises
         ------
         ConfigurationError
-            For an array of another shape; what a state holds is judged by the status.
+            For an array of another shape or an unknown name, or a direction that moves
+            so far in a step that nothing is left of its cone; what a state holds is judged by the
+            status.
 
         """
         begin = time.perf_counter()
         self._deadline_s = (math.inf if max_solve_time_s is None
                             else time.monotonic() + max_solve_time_s)
+        if self.config.cones:
+            self._set_directions(directions(self.config.cones, directions_N, self.config.horizon))
         state = self._set_state(R_NB, omega_BN_B, R_ND)
         if state is None:
             self.reset()
@@ -164,6 +177,17 @@ class AttitudeMpc:
         if target is not self._R_ND and not np.array_equal(target, self._R_ND):
             self._aim(target)
         return state
+
+    def _set_directions(self, directions_N: Array) -> None:
+        """Hand the directions of the cones, (N + 1, n, 3), to the solvers."""
+        if np.array_equal(directions_N, self._directions_N):
+            return
+        steps = np.linalg.norm(np.diff(directions_N, axis=0), axis=-1).max(axis=0)
+        self._kept = tuple(each.tightened(self.config.between_samples, moved)
+                           for each, moved in zip(self.config.cones, steps.tolist()))
+        self._directions_N = directions_N
+        for solver in {self._strict, self._relaxed}:
+            solver.set_cones(self._kept, directions_N)
 
     def _aim(self, target: Array) -> None:
         """Forget the warm start where the commanded attitude has moved."""

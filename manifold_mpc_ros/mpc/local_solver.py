@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from manifold_mpc_ros.config.cones import Cone
 from manifold_mpc_ros.mpc.library import Course, Library, LoopRecord, Solve
 from manifold_mpc_ros.mpc.program import fields as f
 from manifold_mpc_ros.mpc.program import options
@@ -22,6 +23,8 @@ from manifold_mpc_ros.mpc.program.field import Field, Memory
 from manifold_mpc_ros.mpc.program.layout import layout_of
 from manifold_mpc_ros.mpc.program.structure import Structure
 from manifold_mpc_ros.mpc.scaling import Array
+from manifold_mpc_ros.mpc.stages.cone import cone_numbers
+from manifold_mpc_ros.mpc.stages.inequalities import cone_inequality
 
 _ALIGNMENT = 64
 
@@ -166,6 +169,16 @@ class LocalSolver:
             return UNUSABLE
         self._library.set_state(self._address)
         return StateReport(*g[self._state_report:self._state_report + 6].tolist())
+
+    def set_cones(self, kept: Sequence[Cone], directions_N: Array) -> None:
+        """Set the cones that nodes keep, and their directions at every node, (N + 1, n, 3)."""
+        cones = cone_inequality(self.structure)
+        assert cones is not None
+        self._global(cones.data)[:] = cone_numbers(kept)
+        place = _field_of(self._model, self.structure, cones.direction_N, self._library.lanes)
+        flat = directions_N.reshape(self.horizon + 1, -1)
+        rest = len(place) * place.shape[1] - len(flat)
+        place[:] = np.pad(flat, ((0, rest), (0, 0)), 'edge').reshape(place.shape)
 
     def flip(self) -> None:
         """Turn the sign of the starting quaternion: the slew goes the other way round."""

@@ -3,7 +3,7 @@
 """The terminal design of a configuration, found in the cache where an earlier start left it.
 
 Designing takes about as long as all else of a start together, and its result follows from the
-configuration without the horizon.
+configuration without the horizon and the cones.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def stored_design(config: AttitudeMpcConfig, cache_dir: str | Path | None) -> Te
 def _name(config: AttitudeMpcConfig) -> str:
     """Return what the design follows from, as a part of a file name."""
     values = {field.name: getattr(config, field.name) for field in fields(config)
-              if field.name != 'horizon'}
+              if field.name not in ('horizon', 'cones')}
     facts = {name: value.tobytes() if isinstance(value, np.ndarray) else value
              for name, value in values.items()}
     return cache.name_of(_SOURCES, facts, ca.CasadiMeta.version(), np.__version__,

@@ -18,6 +18,7 @@ from cases import CERTIFIED, LIMITED, LIMITS, REFERENCE, configuration
 from numpy.typing import NDArray
 from strategies import INERTIAS, generator
 
+from manifold_mpc_ros.config.cones import Cone
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc import search
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
@@ -32,6 +33,8 @@ ODD: dict[str, Any] = {
     'torque_weight': [[2.0, 0.3, 0.0], [0.3, 1.5, -0.2], [0.0, -0.2, 1.0]],
     'attitude_weight': [[1.0, 0.2, 0.0], [0.2, 1.4, 0.1], [0.0, 0.1, 0.7]]}
 ELLIPSOID = [[4.0, 0.5, 0.0], [0.5, 5.0, -0.3], [0.0, -0.3, 6.0]]
+CONES = (Cone('sun', (1.0, 0.2, 0.0), (-0.3, 1.0, 0.1), 0.6),
+         Cone('sensor', (0.0, 0.3, 1.0), (0.2, -0.1, 1.0), 1.4, 'keep_in'))
 KINDS: dict[str, dict[str, Any]] = {
     'free paper': {**REFERENCE, **ODD},
     'free symmetric': {**REFERENCE, **ODD, 'forcing': 'symmetric'},
@@ -40,6 +43,8 @@ KINDS: dict[str, dict[str, Any]] = {
     'ellipsoid paper': {**LIMITED, **ODD, 'rate_ellipsoid_s2': ELLIPSOID},
     'ellipsoids symmetric': {**LIMITED, **ODD, 'forcing': 'symmetric', 'max_rate_rad_s': None,
                              'rate_ellipsoid_s2': ELLIPSOID, 'max_rate_norm_rad_s': 0.7},
+    'cones paper': {**LIMITED, **ODD, 'cones': CONES},
+    'certified cones': {**CERTIFIED, 'horizon': 12, 'cones': CONES},
     'certified': {**CERTIFIED, 'horizon': 12},
     'certified paper': {**LIMITS, 'horizon': 12},
     'pointing': {**LIMITED, 'target': 'pointing', 'forcing': 'symmetric', 'horizon': 6},

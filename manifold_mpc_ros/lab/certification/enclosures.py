@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from manifold_mpc_ros.config.cones import Cone
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.lab.certification.double_integrator import double_integrator_problem
@@ -22,14 +23,14 @@ KINDS = ('attitude', 'pointing', 'double integrator')
 
 
 # Limits that a certificate names where the configuration has them.
-_WHERE_GIVEN = {'rate_ellipsoid_s2', 'max_rate_norm_rad_s', 'max_kinetic_energy_j'}
+_WHERE_GIVEN = {'rate_ellipsoid_s2', 'max_rate_norm_rad_s', 'max_kinetic_energy_j', 'cones'}
 
 
 def describe(config: AttitudeMpcConfig) -> tuple[str, dict[str, Any]]:
     """Map a configuration to (kind, values), the values plain JSON that keeps every bit."""
-    values = {entry.name: getattr(config, entry.name) for entry in fields(config)}
-    return config.target, {name: _plain(value) for name, value in values.items()
-                           if name not in _WHERE_GIVEN or value is not None}
+    values = {entry.name: _plain(getattr(config, entry.name)) for entry in fields(config)}
+    return config.target, {name: value for name, value in values.items()
+                           if name not in _WHERE_GIVEN or value not in (None, [])}
 
 
 def configuration_of(values: Mapping[str, Any]) -> AttitudeMpcConfig:
@@ -75,8 +76,10 @@ def _plain(value: Any) -> Any:
     """Return a value as JSON holds it: arrays as lists, infinity as text."""
     if isinstance(value, np.ndarray):
         return [_plain(entry) for entry in value.tolist()]
-    if isinstance(value, list):
+    if isinstance(value, (list, tuple)):
         return [_plain(entry) for entry in value]
+    if isinstance(value, Cone):
+        return {name: _plain(entry) for name, entry in vars(value).items()}
     return 'inf' if isinstance(value, float) and value == float('inf') else value
 
 
@@ -84,4 +87,6 @@ def _unplain(value: Any) -> Any:
     """Return the value of `_plain`'s."""
     if isinstance(value, list):
         return [_unplain(entry) for entry in value]
+    if isinstance(value, dict):
+        return Cone(**value)
     return float('inf') if value == 'inf' else value

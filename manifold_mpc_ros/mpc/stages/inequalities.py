@@ -12,6 +12,7 @@ from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.mpc.program.phase import Read
 from manifold_mpc_ros.mpc.program.structure import Structure
 from manifold_mpc_ros.mpc.stages.barrier import join
+from manifold_mpc_ros.mpc.stages.cone import ConeInequality
 from manifold_mpc_ros.mpc.stages.inequality import (
     Inequality,
     NodeInequality,
@@ -23,7 +24,8 @@ from manifold_mpc_ros.mpc.stages.rate_ellipsoid import RateEllipsoid
 from manifold_mpc_ros.mpc.stages.terminal_level import TerminalLevel
 from manifold_mpc_ros.mpc.stages.torque_box import TorqueBox
 
-KINDS: tuple[type[Inequality], ...] = (TorqueBox, RateBox, RateEllipsoid, TerminalLevel)
+KINDS: tuple[type[Inequality], ...] = (
+    TorqueBox, RateBox, RateEllipsoid, ConeInequality, TerminalLevel)
 
 
 def structure_of(config: AttitudeMpcConfig) -> Structure:
@@ -71,6 +73,12 @@ def terminal_level(structure: Structure) -> TerminalLevel | None:
     """Return that of the last node, None without a terminal set."""
     return next((each for each in inequalities_of(structure)
                  if isinstance(each, TerminalLevel)), None)
+
+
+def cone_inequality(structure: Structure) -> ConeInequality | None:
+    """Return that of the cones, None without any."""
+    return next((each for each in inequalities_of(structure)
+                 if isinstance(each, ConeInequality)), None)
 
 
 def of_attitude(structure: Structure) -> bool:

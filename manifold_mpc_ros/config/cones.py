@@ -1,0 +1,200 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Keep-out and keep-in cones of body axes, and what keeps them between two samples.
+
+With c = s . R b (s a direction in N, b an axis in B) a cone of half angle theta is
+``c <= cos theta`` (keep-out) or ``c >= cos theta`` (keep-in).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from manifold_mpc_ros.config import checks as checks
+from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.lie import so3
+
+KINDS = ('keep_out', 'keep_in')
+# Attitudes that are tried to see whether cones leave any, and how many of them are improved.
+_GRID, _REFINED = 2000, 8
+_REPEATED = 5
+_VALID_ANGLE = 'an angle above 0 and below pi rad (180 degrees)'
+
+
+class Between(NamedTuple):
+    """h^2/8 of the largest |omega|^2 and of the largest |omega'| between samples."""
+
+    bend: float
+    swing: float
+
+
+@dataclass(frozen=True, eq=False)
+class Cone:
+    """One cone: a body axis that stays out of, or in, a cone about a direction.
+
+    Arguments
+    ---------
+    name
+        What parameters, reports and ``solve(directions_N=)`` call it.
+    axis_B
+        Body axis b (normalised) [1].
+    direction_N
+        Axis s of the cone in inertial axes (normalised) [1].
+    half_angle_rad
+        Half angle theta, above 0 and below pi [rad].
+    kind
+        'keep_out' or 'keep_in'.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming ``cones.NAME.FIELD``, its value and what would be valid.
+
+    """
+
+    name: str
+    axis_B: FloatArray
+    direction_N: FloatArray
+    half_angle_rad: float
+    kind: str = 'keep_out'
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        if not isinstance(self.name, str) or not self.name.isidentifier():
+            raise ConfigurationError('cones.names', self.name, 'letters, digits and underscores')
+        for field in ('axis_B', 'direction_N'):
+            value = checks.direction(f'cones.{self.name}.{field}', getattr(self, field))
+            object.__setattr__(self, field, value)
+        key = f'cones.{self.name}.half_angle_rad'
+        angle = checks.number(key, self.half_angle_rad, _VALID_ANGLE)
+        if not 0.0 < angle < np.pi:
+            raise ConfigurationError(key, angle, _VALID_ANGLE)
+        object.__setattr__(self, 'half_angle_rad', angle)
+        checks.choice(f'cones.{self.name}.kind', self.kind, KINDS)
+
+    @property
+    def sign(self) -> float:
+        """1 for keep-out, -1 for keep-in: ``sign * (c - cos theta) <= 0`` where it is kept."""
+        return 1.0 if self.kind == 'keep_out' else -1.0
+
+    def margins_rad(self, R_NB: Any, direction_N: Any = None) -> FloatArray:
+        """Map attitudes (..., 3, 3) to the angle (...) by which each keeps the cone [rad].
+
+        Negative where the cone is violated. ``direction_N`` (..., 3) stands in for the cone's.
+        """
+        s = np.asarray(self.direction_N if direction_N is None else direction_N)
+        axis_N = np.asarray(R_NB) @ self.axis_B
+        sine = np.linalg.norm(np.cross(axis_N, s), axis=-1)
+        angle = np.arctan2(sine, np.sum(axis_N * s, axis=-1))
+        return np.asarray(self.sign * (angle - self.half_angle_rad))
+
+    def tightened(self, between: Between, moved: float = 0.0) -> Cone:
+        """Return the cone that, kept at samples, keeps this one between them: theory.md (23).
+
+        ``moved`` is the largest distance of its unit directions at two samples in succession.
+
+        Raises
+        ------
+        ConfigurationError
+            When nothing of it is left.
+
+        """
+        edge, sine = self.sign * float(np.cos(self.half_angle_rad)), 1.0
+        for _ in range(_REPEATED):  # each valid, from above
+            bound = edge - between.bend - moved - between.swing * sine
+            sine = (1.0 - bound ** 2) ** 0.5 if 0.0 <= bound < 1.0 else 1.0
+        if bound <= -1.0:
+            raise ConfigurationError(
+                f'cones.{self.name}.half_angle_rad', self.half_angle_rad,
+                'a cone that leaves some direction allowed, between samples too (there the axis '
+                f'moves by up to {moved + sum(between):.3g} in cosine; less with a shorter step_s '
+                'or lower limits)')
+        angle = float(np.arccos(self.sign * bound))
+        return Cone(self.name, self.axis_B, self.direction_N, angle, self.kind)
+
+
+def unique_cones(key: str, value: Any) -> tuple[Cone, ...]:
+    """Return ``value`` as cones with names of their own."""
+    given = () if value is None else tuple(value)
+    names = [each.name for each in given if isinstance(each, Cone)]
+    if len(names) < len(given) or len(set(names)) < len(names):
+        raise ConfigurationError(key, value, 'cones (Cone) with names of their own')
+    return given
+
+
+def directions(given: Sequence[Cone], directions_N: Any, horizon: int) -> FloatArray:
+    """Map directions by name, (3,) or (N + 1, 3), to all cones' unit directions (N + 1, n, 3).
+
+    Raises
+    ------
+    ConfigurationError
+        For a name that no cone has, and what is no direction.
+
+    """
+    found = np.array([each.direction_N for each in given] * (horizon + 1), dtype=float)
+    found = found.reshape(horizon + 1, len(given), 3)
+    places = {each.name: i for i, each in enumerate(given)}
+    for name, value in (directions_N or {}).items():
+        key, valid = f'directions_N[{name!r}]', f'(3,) or ({horizon + 1}, 3) numbers, none of zero'
+        if name not in places:
+            raise ConfigurationError('directions_N', name, 'names of cones: ' + ', '.join(places))
+        array = checks.array(key, value, valid)
+        if array.shape not in ((3,), (horizon + 1, 3)):
+            raise ConfigurationError(key, array.shape, valid)
+        length = np.linalg.norm(array, axis=-1, keepdims=True)
+        if not (length > 1e-9).all():
+            raise ConfigurationError(key, value, valid)
+        found[:, places[name]] = array / length
+    return found
+
+
+def best_margin_rad(given: Sequence[Cone]) -> float:
+    """Return about the largest angle by which one attitude keeps all cones, negative if none can.
+
+    The best attitudes of a grid, each improved by a pattern search; margins change by no more
+    than the attitude turns.
+    """
+    def least(R_NB: FloatArray) -> FloatArray:
+        return np.min([each.margins_rad(R_NB) for each in given], axis=0)
+
+    R = so3.spiral_rotations(_GRID)
+    best = R[np.argsort(-least(R))[:_REFINED]]
+    turns = np.vstack([np.zeros(3), np.indices((3, 3, 3)).reshape(3, -1).T - 1.0])
+    radius = 0.25
+    while radius > 1e-5:
+        tried = best[:, None] @ so3.exp(radius * turns)
+        places = np.argmax(least(tried), axis=1)
+        best = tried[np.arange(len(best)), places]
+        radius *= 1.0 if (places > 0).any() else 0.5
+    return float(least(best).max())
+
+
+def between_samples(inertia_kg_m2: FloatArray, acceleration: float, rate_rad_s: float,
+                    step_s: float) -> Between:
+    """Bound the motion between samples at which |omega| is limited.
+
+    With alpha the smallest solution of ``a + k (rate + h/2 alpha)^2 <= alpha``, docs/theory.md
+    (22), a from the torque and k from ``J^-1 (omega x J omega)``.
+
+    Raises
+    ------
+    ConfigurationError
+        When there is no such alpha.
+
+    """
+    moments, within = np.linalg.eigvalsh(inertia_kg_m2), step_s / 2.0
+    k = float(np.abs((moments[[1, 2, 0]] - moments[[2, 0, 1]]) / moments).max()) / 3.0 ** 0.5
+    steady = acceleration + k * rate_rad_s ** 2
+    half = 0.5 - k * rate_rad_s * within
+    root = half ** 2 - k * within ** 2 * steady
+    if half <= 0.0 or root < 0.0:
+        raise ConfigurationError(
+            'step_s', step_s, 'a step within which limited rates stay bounded (cones)')
+    alpha = steady / (half + root ** 0.5)
+    return Between(step_s ** 2 / 8.0 * (rate_rad_s + within * alpha) ** 2,
+                   step_s ** 2 / 8.0 * alpha)
