@@ -16,6 +16,8 @@ from pathlib import Path
 
 from manifold_mpc_ros.errors import CacheError
 
+#: The environment variable that names the directory.
+VARIABLE = 'MANIFOLD_MPC_CACHE'
 _CHECKSUM = hashlib.sha256().digest_size
 _PACKAGE = Path(__file__).resolve().parent.parent
 
@@ -29,15 +31,22 @@ def cache_directory(cache_dir: str | Path | None) -> Path:
         When it cannot be written to.
 
     """
-    base = os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache'
-    chosen = cache_dir or os.environ.get('MANIFOLD_MPC_CACHE') or Path(base) / 'manifold_mpc_ros'
-    path = Path(chosen)
     try:
+        path = _wanted(cache_dir)
         path.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=path):
             return path
-    except OSError as error:
-        raise CacheError(f'cannot write to the solver cache {path}: {error}') from error
+    except (OSError, RuntimeError) as error:  # RuntimeError: nobody's home is known
+        reason = str(error).rstrip('.')
+        raise CacheError(f'no solver cache: {reason}; {VARIABLE} names another folder') from error
+
+
+def _wanted(cache_dir: str | Path | None) -> Path:
+    """Return the directory that is asked for; raises RuntimeError where the user has no home."""
+    if chosen := cache_dir or os.environ.get(VARIABLE):
+        return Path(chosen)
+    base = os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache'
+    return Path(base) / 'manifold_mpc_ros'
 
 
 def name_of(*facts: object) -> str:

@@ -84,6 +84,7 @@ class ManagedNode(LifecycleNode):
         self._table = NodeParameters(self, program.parameters, complete=complete)
         self.autostart = self._table.flag('autostart')
         self.configuring = False
+        self._built = False
         self.active = False
         self.refusals = RefusalLog()
         self.barrier = Barrier(self.get_logger().error)
@@ -170,6 +171,7 @@ class ManagedNode(LifecycleNode):
             if values['secure']:
                 demand_enforcement(os.environ, self.get_fully_qualified_name())
             self.build(values)
+            self._built = True
         except ManifoldMpcError as error:
             self._failure = str(error)
             self.get_logger().error(f'refusing to configure: {error}')
@@ -193,7 +195,9 @@ class ManagedNode(LifecycleNode):
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Return to unconfigured after an error of our own in a transition."""
         self._cease()
-        self.barrier.guarded('taking down', self.take_down)()
+        if self._built:
+            self.barrier.guarded('taking down', self.take_down)()
+        self._built = False
         self._table.changeable = True
         return super().on_error(state)
 
@@ -207,6 +211,7 @@ class ManagedNode(LifecycleNode):
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Forget the configuration."""
         self.take_down()
+        self._built = False
         self._table.changeable = True
         return super().on_cleanup(state)
 

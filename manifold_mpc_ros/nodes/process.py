@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 from manifold_mpc_ros.config.yaml_file import applies, sections_of
 from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.nodes.log_folder import NO_LOG_FILE, why_no_log_file
 from manifold_mpc_ros.nodes.security import demand_keystore
 from manifold_mpc_ros.nodes.usage import Arguments, Program, parse_arguments
 
@@ -112,9 +113,13 @@ def _run_with_ros(
     module, _, name = node_class.partition(':')
     factory = getattr(importlib.import_module(module), name)
     try:
-        rclpy.init(args=[program.executable, *arguments.ros],
+        no_log_file = why_no_log_file(os.environ)
+        more = NO_LOG_FILE if no_log_file else ()
+        rclpy.init(args=[program.executable, *arguments.ros, *more],
                    signal_handler_options=SignalHandlerOptions.NO)
         node = factory(program, complete=bool(arguments.parameter_files))
+        if no_log_file:
+            node.get_logger().warning(no_log_file)
     except (RuntimeError, ParameterException, NameValidationException) as error:
         return _fail(program, ' '.join(str(error).split()))
     stop.at_once = lambda: node.configuring

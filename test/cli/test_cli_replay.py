@@ -27,11 +27,14 @@ MANIFOLD_MPC = [sys.executable, '-m', 'manifold_mpc_ros.cli.main']
 
 
 def run(*arguments: object) -> subprocess.CompletedProcess[str]:
+    """Run the command without HOME, which it does not need."""
     pytest.importorskip('rclpy')
     path = os.pathsep.join([str(TOP), *filter(None, [os.environ.get('PYTHONPATH')])])
+    environment = dict(node_environment(0), PYTHONPATH=path)
+    environment.pop('HOME', None)
     return subprocess.run(
-        [*MANIFOLD_MPC, *map(str, arguments)], env=dict(node_environment(0), PYTHONPATH=path),
-        text=True, capture_output=True, check=False, timeout=200)
+        [*MANIFOLD_MPC, *map(str, arguments)], env=environment, text=True, capture_output=True,
+        check=False, timeout=200)
 
 
 def rewritten(

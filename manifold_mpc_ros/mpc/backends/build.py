@@ -73,10 +73,19 @@ def _load_library(structure: Structure, cache_dir: str | Path | None) -> Library
             cache.write(path, _compiled(structure, path.parent))
         return Library(path)
     except (CacheError, OSError):
+        return _compiled_for_once(structure)
+
+
+def _compiled_for_once(structure: Structure) -> Library:
+    """Return the solver, compiled into a folder that is removed again."""
+    try:
         with tempfile.TemporaryDirectory(prefix='manifold_mpc_') as folder:
             path = Path(folder) / 'solver.so'
             path.write_bytes(_compiled(structure, path.parent))
             return Library(path)  # stays mapped when its file is gone
+    except OSError as error:
+        raise SolverBuildError(
+            f'no folder to compile the solver in: {error}; {cache.VARIABLE} names one') from error
 
 
 def _compiled(structure: Structure, beside: Path) -> bytes:

@@ -28,8 +28,9 @@ from manifold_mpc_ros.control.input_gate import (
     admit_setpoint,
 )
 from manifold_mpc_ros.control.tick_time import LOCKSTEP, ClockTime, TickTime
-from manifold_mpc_ros.errors import ManifoldMpcError
+from manifold_mpc_ros.errors import CacheError, ManifoldMpcError
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
+from manifold_mpc_ros.mpc.cache import cache_directory
 from manifold_mpc_ros.mpc.target import attitude_towards
 from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.command_output import CommandOutput
@@ -72,6 +73,7 @@ class AttitudeControllerNode(ManagedNode):
         self._changes.begin(dict(values))
         self._simulated_time = False
         self._realtime = Realtime(config.scheduler_priority, lock_memory=config.lock_memory)
+        self._warn_without_cache()
         self._law = self._build_law(config)
         gate = StateGate(
             config.inertial_frame_id, config.body_frame_id, step_s=config.mpc.step_s,
@@ -164,6 +166,13 @@ class AttitudeControllerNode(ManagedNode):
         """Return what a configuration works with."""
         solver = self.make_solver(config, terminal)
         return law_with(solver, config, self._realtime.enter_solver_thread)
+
+    def _warn_without_cache(self) -> None:
+        """Say when what is built now is built again at the next start."""
+        try:
+            cache_directory(None)
+        except CacheError as error:
+            self.get_logger().warning(f'{error}; every start builds the solver again')
 
     def _take_change(self) -> None:
         """Work with the law of new parameters, if it is ready."""

@@ -19,6 +19,8 @@ from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.signals import SignalHandlerOptions
 
+from manifold_mpc_ros.nodes.log_folder import NO_LOG_FILE
+
 #: Longest wait in the executor between two looks at a condition [s].
 LOOK_S = 0.02
 #: An answer that does not come is asked for again after this [s].
@@ -38,7 +40,7 @@ class Listener:
     def __init__(self, name: str, domain_id: int) -> None:
         """Join a domain."""
         self._context = Context()
-        rclpy.init(context=self._context, domain_id=domain_id,
+        rclpy.init(args=list(NO_LOG_FILE), context=self._context, domain_id=domain_id,
                    signal_handler_options=SignalHandlerOptions.NO)
         self.node = Node(name, context=self._context, enable_rosout=False,
                          start_parameter_services=False)
