@@ -103,8 +103,8 @@ def test_configure_fails_and_succeeds_once_the_parameter_is_right(rig: Rig) -> N
     assert not accepted
     assert 'limits.max_rate_rad_s' in reason
     assert put('limits.max_rate_rad_s', [0.6, 0.6, 0.6]) == (True, '')
-    assert not put('mpc.step_s', 0.25)[0]  # fixed from the start
     rig.activate(node)
+    assert not put('mpc.step_s', 0.25)[0]  # fixed once it is configured
     assert not rig.transition(node, Transition.TRANSITION_CONFIGURE)  # it is active already
     accepted, reason = put('use_sim_time', True)
     assert not accepted
