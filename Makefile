@@ -5,7 +5,8 @@
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help setup test lint types pytest test-processors coverage demo figures golden policies bench docs clean
+.PHONY: help setup test lint types pytest test-processors test-properties \
+	coverage demo figures golden policies bench docs clean
 
 # The first that runs; the ROS wheels are tested with 3.11. Override with PYTHON=...
 PYTHON ?= $(firstword $(foreach p,python3.11 python3,$(shell $(p) -c '' 2> /dev/null && echo $(p))))
@@ -61,6 +62,10 @@ pytest: $(STAMP)  ## Run the tests alone
 # Hours: every test once for each setting. PROCESSORS_ARGS='--settings prescott -- test/mpc'
 test-processors: $(STAMP)  ## Run the tests with other processors' kernels, and on a busy machine
 	@$(BIN)/python benchmarks/processors.py --workers $(TEST_WORKERS) $(PROCESSORS_ARGS)
+
+test-properties: $(STAMP)  ## Run every property on 2,000 examples
+	@PROPERTY_EXAMPLES=2000 $(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadfile \
+		$$(grep -rl 'from properties import' test --include='test_*.py') $(PYTEST_ARGS)
 
 # What decides in the nodes, and the tests of it that need no ROS.
 DECIDES := manifold_mpc_ros/control/*

@@ -14,8 +14,9 @@ from strategies import Array, drawn_rotation_vectors
 
 from manifold_mpc_ros.lie import so3
 
-#: Every property is tried on this many examples, the same ones in every run.
-EXAMPLES = int(os.environ.get('PROPERTY_EXAMPLES', '2000'))
+#: Every property is tried on this many examples, the same ones in every run; 2,000 with
+#: `make test-properties`.
+EXAMPLES = int(os.environ.get('PROPERTY_EXAMPLES', '500'))
 PROPERTY = settings(
     max_examples=EXAMPLES, deadline=None, derandomize=True, database=None,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
