@@ -104,7 +104,8 @@ setup(
     maintainer=MAINTAINER.text,
     maintainer_email=MAINTAINER.get('email'),
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed', 'lab/report/static/*', 'mpc/backends/*.[ch]']},
+    package_data={NAME: ['py.typed', 'config/presets/*.yaml', 'lab/report/static/*',
+                         'mpc/backends/*.[ch]']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.config.description import state_description
 from manifold_mpc_ros.config.parameter import Value, by_field, resolve_parameters
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
 from manifold_mpc_ros.config.yaml_file import read_parameter_file
@@ -59,6 +60,7 @@ class ControllerConfig:
         """Build from the node's checked parameters; raises ConfigurationError."""
         chosen: dict[str, Any] = by_field(
             CONTROLLER_PARAMETERS, values, (field.name for field in fields(cls)))
+        state_description(chosen['state_source'])
         return cls(mpc=AttitudeMpcConfig.from_parameters(values), **chosen)
 
     @property

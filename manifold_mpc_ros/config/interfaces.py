@@ -1,17 +1,20 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""State sources and actuators by kind: their topics, and the class that does the work.
+"""Topics of states and commands, and actuators by kind with the class that does the work.
 
-The tables from which everything else about them follows: the valid values of the parameters
-``state_source`` and ``actuators.kind``, what the nodes subscribe to and publish, ``--help``, the
-laboratory. A further kind is one file with its class, and one entry here.
+States are described in YAML (description.py). What the nodes subscribe to and publish, ``--help``
+and the security policies follow from the descriptions and from the table here.
 """
 
 from __future__ import annotations
 
 import importlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
+
+from manifold_mpc_ros.config.description import PLAIN, state_description
+from manifold_mpc_ros.errors import ConfigurationError
 
 
 @dataclass(frozen=True)
@@ -25,10 +28,10 @@ class Topic:
 
 @dataclass(frozen=True)
 class InterfaceKind:
-    """One kind of state source or of actuator.
+    """One kind of actuator.
 
-    ``implementation`` is 'module:Class', below the package, imported when it is used: a
-    `StateSource` (nodes/state_input.py) or an `Actuator` (control/actuator.py).
+    ``implementation`` is 'module:Class', below the package, imported when it is used: an
+    `Actuator` (control/actuator.py).
     """
 
     topics: tuple[Topic, ...]
@@ -38,16 +41,6 @@ class InterfaceKind:
         """Return the class."""
         return load(self.implementation)
 
-
-#: Where a complete state comes from, by the value of the parameter ``state_source``.
-STATE_SOURCES = {
-    'odometry': InterfaceKind(
-        (Topic('odometry', 'nav_msgs/msg/Odometry', 'attitude (pose), body rate (twist)'),),
-        'manifold_mpc_ros.nodes.odometry_source:OdometrySource'),
-    'imu': InterfaceKind(
-        (Topic('imu', 'sensor_msgs/msg/Imu', 'attitude (orientation), body rate'),),
-        'manifold_mpc_ros.nodes.imu_source:ImuSource'),
-}
 
 #: What turns the body, by the value of the parameter ``actuators.kind``.
 ACTUATORS = {
@@ -63,23 +56,30 @@ def load(path: str) -> Any:
     return getattr(importlib.import_module(module), name)
 
 
-def message_class(message_type: str) -> Any:
-    """Return the class of a message type 'package/msg/Name'; needs ROS."""
+def message_class(message_type: str, install: Mapping[str, str] | None = None) -> Any:
+    """Return the class of a message type 'package/msg/Name'; needs ROS.
+
+    Raises ConfigurationError for one that is not installed; ``install`` says how to get packages.
+    """
     package, folder, name = message_type.split('/')
-    return load(f'{package}.{folder}:{name}')
+    try:
+        return load(f'{package}.{folder}:{name}')
+    except ModuleNotFoundError:
+        way = (install or {}).get(package, f'build {package} in this workspace, or source its own')
+        raise ConfigurationError(
+            'type', message_type, f'a type of an installed package ({way})') from None
+    except AttributeError:
+        raise ConfigurationError(
+            'type', message_type, f'a message that package {package} has') from None
 
 
 def state_topics() -> tuple[tuple[str, str, str], ...]:
-    """Return name, type and meaning of every topic of a state source.
-
-    The first kind is the shipped one; of the others the meaning is how to choose it.
-    """
-    first, *others = STATE_SOURCES
+    """Return name, type and meaning of the topics of states that the simulator publishes."""
     return tuple(
-        (topic.name, topic.message_type, topic.meaning)
-        for topic in STATE_SOURCES[first].topics) + tuple(
-        (topic.name, topic.message_type, f'with state_source {kind}')
-        for kind in others for topic in STATE_SOURCES[kind].topics)
+        (topic, message_type, 'attitude and body rate' if name == PLAIN
+         else f'with state_source {name}')
+        for name in (PLAIN, 'imu')
+        for topic, message_type in state_description(name).topics.items())
 
 
 def actuator_topics() -> tuple[tuple[str, str, str], ...]:

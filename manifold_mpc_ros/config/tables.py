@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from manifold_mpc_ros.config.interfaces import ACTUATORS, STATE_SOURCES
+from manifold_mpc_ros.config.interfaces import ACTUATORS
 from manifold_mpc_ros.config.parameter import ParameterSpec
 
 CONTROLLER_NAME = 'attitude_controller'
@@ -23,8 +23,9 @@ _MAX_TORQUE = ParameterSpec(
     'largest torque about each body axis, either sign', unit='N m', lengths=(1, 3),
     infinite=True, required=True)
 _STATE_SOURCE = ParameterSpec(
-    'state_source', 'str', 'odometry', 'topic that brings attitude and body rate',
-    choices=tuple(STATE_SOURCES), read_only=True)
+    'state_source', 'str', 'odometry',
+    'messages that bring attitude and body rate: a shipped description by its name, or a YAML '
+    'file (docs/interfaces.md)', read_only=True)
 _INERTIAL_FRAME = ParameterSpec(
     'inertial_frame_id', 'str', 'inertial', 'frame that attitudes are measured against',
     read_only=True)

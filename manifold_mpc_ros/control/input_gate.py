@@ -47,6 +47,7 @@ class Reason(str, Enum):
     FUTURE = 'future'
     STALE = 'stale'
     UNEXPECTED_ANSWER = 'unexpected_answer'
+    UNREADABLE = 'unreadable'
 
 
 @dataclass(frozen=True)

@@ -15,11 +15,9 @@ from nav_msgs.msg import Odometry, Path
 from sensor_msgs.msg import Imu
 
 from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.control.described_source import NOT_PROVIDED
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample
 from manifold_mpc_ros.lie import so3
-
-#: First element of a covariance: the quantity is not provided (REP-145).
-NOT_PROVIDED = -1.0
 
 
 @dataclass(frozen=True)

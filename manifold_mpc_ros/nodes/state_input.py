@@ -2,19 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """A node's state source: subscriptions to its topics, and the states that their messages make.
 
-A kind of source is one file beside this one, with a class that is a `StateSource`, and one entry
-in the table `STATE_SOURCES` (config/interfaces.py), which names the class and the topics. What
-it reads is checked by `StateGate` (control/input_gate.py).
+Which topics, and what their messages say, is a description (config/description.py). What is read
+is checked by `StateGate` (control/input_gate.py).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Any
 
 from rclpy.qos import QoSProfile
 
-from manifold_mpc_ros.config.interfaces import STATE_SOURCES, message_class
+from manifold_mpc_ros.config.description import state_description
+from manifold_mpc_ros.config.interfaces import message_class
+from manifold_mpc_ros.control.described_source import DescribedSource
 from manifold_mpc_ros.control.input_gate import RawState, Refusal
 from manifold_mpc_ros.nodes.managed_node import ManagedNode
 from manifold_mpc_ros.nodes.publisher_watch import PublisherWatch
@@ -24,20 +25,6 @@ from manifold_mpc_ros.nodes.publisher_watch import PublisherWatch
 OnState = Callable[[RawState | Refusal, Mapping[str, Any]], None]
 
 
-class StateSource(Protocol):
-    """Makes states of the messages of one topic or of several."""
-
-    def read(self, topic: str, message: Any) -> RawState | Refusal | None:
-        """Map a message to the state that it completes.
-
-        None while another message of the state has not come; a Refusal where the message cannot
-        be part of one.
-        """
-
-    def forget(self) -> None:
-        """Forget the messages that wait for others, as at the start."""
-
-
 class StateInput:
     """One state source of a node, listened to until `close`.
 
@@ -45,8 +32,8 @@ class StateInput:
     ---------
     node
         Who subscribes; messages that come while it is not active are dropped.
-    kind
-        The key in `STATE_SOURCES`, and the name under which refusals are counted.
+    given
+        The description: the name of a shipped one, or a YAML file.
     qos
         Of the subscriptions.
     on_state
@@ -54,23 +41,27 @@ class StateInput:
     on_duplicate
         Called with the topic when two publishers of it take turns.
 
+    Raises ConfigurationError for a message type that is not installed or a field that it lacks.
+
     """
 
     def __init__(
-        self, node: ManagedNode, kind: str, qos: QoSProfile, on_state: OnState,
+        self, node: ManagedNode, given: str, qos: QoSProfile, on_state: OnState,
         on_duplicate: Callable[[str], None] = lambda _topic: None,
     ) -> None:
-        """Subscribe to the topics of the kind."""
-        self.kind = kind
+        """Subscribe to the topics of the description."""
         self._node = node
         self._on_state, self._on_duplicate = on_state, on_duplicate
-        self._source: StateSource = STATE_SOURCES[kind].load()()
-        topics = STATE_SOURCES[kind].topics
-        self._watches = {topic.name: PublisherWatch() for topic in topics}
+        described = state_description(given)
+        self._source = DescribedSource(described)
+        kinds = {topic: message_class(message_type, described.install)
+                 for topic, message_type in described.topics.items()}
+        for topic, kind in kinds.items():
+            self._source.check(topic, kind())
+        self._watches = {topic: PublisherWatch() for topic in kinds}
         self._subscriptions = {
-            topic.name: node.listen(
-                message_class(topic.message_type), topic.name, self._callback(topic.name), qos)
-            for topic in topics}
+            topic: node.listen(kind, topic, self._callback(topic), qos)
+            for topic, kind in kinds.items()}
 
     def close(self) -> None:
         """Subscribe no more."""
@@ -91,7 +82,7 @@ class StateInput:
             in_turn = self._watches[topic].note(info.get('publication_sequence_number'))
             if in_turn and self._subscriptions[topic].get_publisher_count() > 1:
                 self._on_duplicate(topic)
-            read = self._source.read(topic, message)
+            read = self._source.read(topic, message, self._node.get_clock().now().nanoseconds)
             if read is not None:
                 self._on_state(read, info)
 

@@ -17,12 +17,13 @@ pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Quaternion, Vector3
 from nav_msgs.msg import Odometry
+from sensor_msgs.msg import Imu
 
-from manifold_mpc_ros.control.input_gate import Refusal, StateGate, StateSample
+from manifold_mpc_ros.config.description import state_description
+from manifold_mpc_ros.control.described_source import DescribedSource
+from manifold_mpc_ros.control.input_gate import RawState, Refusal, StateGate, StateSample
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.nodes import messages
-from manifold_mpc_ros.nodes.imu_source import ImuSource
-from manifold_mpc_ros.nodes.odometry_source import OdometrySource
 
 FORM = messages.StateFormat('inertial', 'base_link', 1e-6, 1e-8)
 stamps_ns = st.integers(1, 2**31 * 10**9 - 1)
@@ -33,14 +34,21 @@ def gate() -> StateGate:
     return StateGate('inertial', 'base_link', step_s=0.5, timeout_s=2.5, timed=False)
 
 
+def read(topic: str, message: Imu | Odometry) -> RawState:
+    """Return the state of a message on the topic of a shipped description of that name."""
+    state = DescribedSource(state_description(topic)).read(topic, message, 0)
+    assert isinstance(state, RawState)
+    return state
+
+
 @PROPERTY
 @given(stamp_ns=stamps_ns, R_NB=rotations(), omega=finite_vector, by_imu=st.booleans())
 def test_a_state_survives_its_message(
     stamp_ns: int, R_NB: np.ndarray, omega: tuple, by_imu: bool,
 ) -> None:
     sample = StateSample(stamp_ns, R_NB, np.array(omega))
-    raw = (ImuSource().read('imu', messages.to_imu(sample, FORM)) if by_imu
-           else OdometrySource().read('odometry', messages.to_odometry(sample, FORM)))
+    raw = (read('imu', messages.to_imu(sample, FORM)) if by_imu
+           else read('odometry', messages.to_odometry(sample, FORM)))
     again = gate().admit(raw, stamp_ns)
     assert not isinstance(again, Refusal)
     assert again.stamp_ns == stamp_ns
@@ -69,7 +77,7 @@ def test_any_odometry_is_admitted_or_refused(
     x, y, z, w = quaternion
     message.pose.pose.orientation = Quaternion(x=x, y=y, z=z, w=w)
     message.twist.twist.angular = Vector3(x=rate[0], y=rate[1], z=rate[2])
-    admitted = gate().admit(OdometrySource().read('odometry', message), 10**9)
+    admitted = gate().admit(read('odometry', message), 10**9)
     if not isinstance(admitted, Refusal):
         assert np.isfinite(admitted.R_NB).all()
         assert np.isfinite(admitted.omega_BN_B).all()

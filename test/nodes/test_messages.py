@@ -9,11 +9,12 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 
+
+from manifold_mpc_ros.config.description import state_description
+from manifold_mpc_ros.control.described_source import DescribedSource
 from manifold_mpc_ros.control.input_gate import StateGate, StateSample
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.nodes import messages
-from manifold_mpc_ros.nodes.imu_source import ImuSource
-from manifold_mpc_ros.nodes.odometry_source import OdometrySource
 
 FORM = messages.StateFormat('inertial', 'base_link', 1e-4, 1e-6)
 STAMP_NS = 5_000_000_001
@@ -28,11 +29,11 @@ def samples() -> list[StateSample]:
 
 @pytest.mark.parametrize('kind', ['odometry', 'imu'])
 def test_a_state_survives_the_way_through_a_message(kind: str) -> None:
-    make, take = {'odometry': (messages.to_odometry, OdometrySource()),
-                  'imu': (messages.to_imu, ImuSource())}[kind]
+    make, take = {'odometry': (messages.to_odometry, DescribedSource(state_description('nav'))),
+                  'imu': (messages.to_imu, DescribedSource(state_description('imu')))}[kind]
     for sample in samples():
         gate = StateGate('inertial', 'base_link', step_s=0.5, timeout_s=1.0, timed=True)
-        back = gate.admit(take.read(kind, make(sample, FORM)), STAMP_NS)
+        back = gate.admit(take.read(kind, make(sample, FORM), 0), STAMP_NS)
         assert isinstance(back, StateSample)
         assert back.stamp_ns == STAMP_NS
         np.testing.assert_allclose(back.R_NB, sample.R_NB, atol=4e-16)
@@ -62,12 +63,13 @@ def test_frames_and_covariances() -> None:
 
 def test_an_imu_without_orientation_or_rate_says_so() -> None:
     imu = messages.to_imu(samples()[0], FORM)
-    assert ImuSource().read('imu', imu).has_attitude
+    source = DescribedSource(state_description('imu'))
+    assert source.read('imu', imu, 0).has_attitude
     imu.orientation_covariance[0] = -1.0
-    assert not ImuSource().read('imu', imu).has_attitude
-    assert ImuSource().read('imu', imu).has_rate
+    assert not source.read('imu', imu, 0).has_attitude
+    assert source.read('imu', imu, 0).has_rate
     imu.angular_velocity_covariance[0] = -1.0
-    assert not ImuSource().read('imu', imu).has_rate
+    assert not source.read('imu', imu, 0).has_rate
 
 
 def test_a_torque_has_no_force() -> None:

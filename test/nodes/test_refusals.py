@@ -54,7 +54,7 @@ CONTROLLER: list[tuple[str, Any, str]] = [
     ('mpc.forcing', 'explicit', "'symmetric', 'paper'"),
     ('mpc.terminal_constraint', 1, 'true or false'),
     ('mpc.horizont', 30, "'mpc.horizon'"),
-    ('state_source', 'gyro', "'odometry', 'imu'"),
+    ('state_source', 'gyro', "'odometry', 'astrobee'"),
     ('body_frame_id', '', 'not empty'),
     ('use_sim_time_', True, 'unknown key'),
 ]

@@ -12,13 +12,14 @@ from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
 
 from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.config.description import PLAIN, state_description
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME
-from manifold_mpc_ros.control.input_gate import NANOSECONDS
+from manifold_mpc_ros.control.described_source import DescribedSource
+from manifold_mpc_ros.control.input_gate import NANOSECONDS, RawState
 from manifold_mpc_ros.lab.recording.nodes.listener import Listener
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.managed_node import INPUT_QOS
-from manifold_mpc_ros.nodes.odometry_source import OdometrySource
 
 NODE_NAME = 'manifold_mpc_recorder'
 
@@ -47,6 +48,7 @@ class Recorder(Listener):
             (DiagnosticArray, '/diagnostics', self._on_diagnostics),
         ):
             self.node.create_subscription(kind, topic, callback, INPUT_QOS)
+        self._source = DescribedSource(state_description(PLAIN))
         self._stamps_ns: list[int] = []
         self._attitudes: list[FloatArray] = []
         self._rates: list[tuple[float, float, float]] = []
@@ -98,7 +100,9 @@ class Recorder(Listener):
 
     def _on_odometry(self, message: Odometry) -> None:
         """Record a state."""
-        state = OdometrySource().read('odometry', message)
+        state = self._source.read('odometry', message, 0)
+        if not isinstance(state, RawState):
+            return
         x, y, z, w = state.quaternion_xyzw
         self._stamps_ns.append(state.stamp_ns)
         self._attitudes.append(so3.rotation_from_quaternion([w, x, y, z]))

@@ -1,0 +1,117 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Conventions: both ways are inverse, and each means what its name says, by other formulas."""
+
+from __future__ import annotations
+
+import math
+import random
+import struct
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from properties import PROPERTY
+from strategies import ROTATION_VECTORS, rotation_vectors
+
+from manifold_mpc_ros.config import conventions as to
+from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.lie import so3
+
+ROUNDING = 1e-15
+#: Attitudes of every stratum, near 0 and near 180 degrees among them.
+ATTITUDES = np.concatenate([
+    so3.quaternion_from_rotation(so3.exp(rotation_vectors(name)[::20]))
+    for name in sorted(ROTATION_VECTORS)])
+AXES = {kind: [to.axes_of('axes', value, named) for value in (
+            *named, *so3.rotation_from_quaternion(ATTITUDES[3::97]).reshape(-1, 9).tolist())]
+        for kind, named in (('body', to.BODY_AXES), ('world', to.WORLD_AXES))}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A state, or what a stack says of one, and conventions; from one number, which is quick."""
+
+    q_wxyz: so3.Array
+    omega: to.Vector
+    attitude: to.AttitudeConvention
+    rate: to.RateConvention
+
+    @classmethod
+    def of(cls, seed: int) -> Case:
+        draw = random.Random(seed)
+        world, body = draw.choice(AXES['world']), draw.choice(AXES['body'])
+        return cls(
+            draw.choice([1.0, -1.0]) * ATTITUDES[draw.randrange(len(ATTITUDES))],
+            (draw.uniform(-0.5, 0.5), draw.uniform(-0.5, 0.5), draw.choice([0.0, 0.5])),
+            to.AttitudeConvention(
+                draw.choice([*to.FORMS]), draw.choice(to.DIRECTIONS), world, body),
+            to.RateConvention(
+                draw.choice(to.RATE_AXES), draw.choice([*to.RATE_UNITS]), world, body))
+
+
+cases = st.integers(0, 2**63).map(Case.of)
+
+
+@PROPERTY
+@given(case=cases)
+def test_a_description_and_its_inverse_give_the_same_state(case: Case) -> None:
+    w, x, y, z = case.q_wxyz.tolist()
+    back = case.attitude.read(case.attitude.write((x, y, z, w)))
+    sign = math.copysign(1.0, np.dot(back, (x, y, z, w)))  # q and -q are one attitude
+    assert np.abs(sign * np.array(back) - (x, y, z, w)).max() <= ROUNDING, case
+    again = case.rate.read(case.rate.write(case.omega, (x, y, z, w)), back)
+    assert np.abs(np.array(again) - case.omega).max() <= ROUNDING, case
+
+
+@PROPERTY
+@given(case=cases)
+def test_what_a_stack_says_is_read_as_matrices_say(case: Case) -> None:
+    """R_NB = R_NW R_WM R_BM^T, and the rate is that of the body whatever axes it is given in."""
+    R_WM, omega_M = so3.rotation_from_quaternion(case.q_wxyz), np.array(case.omega)
+    said = R_WM if case.attitude.direction == 'body_to_world' else R_WM.T
+    w, x, y, z = so3.quaternion_from_rotation(said).tolist()
+    vector = so3.log(said)
+    values = {
+        'quaternion_xyzw': (x, y, z, w), 'quaternion_wxyz': (-w, -x, -y, -z),
+        'mrp': vector * math.tan(np.linalg.norm(vector) / 4.0) / max(
+            np.linalg.norm(vector), 1e-300),
+        'matrix': said.ravel()}[case.attitude.form]
+    R_NW, R_BM = (np.eye(3) if axes is None else np.array(axes.rows) for axes in (
+        case.attitude.world, case.attitude.body))
+    q_NB = case.attitude.read(tuple(map(float, values)))
+    R_NB = so3.rotation_from_quaternion([q_NB[3], *q_NB[:3]])
+    assert np.abs(R_NB - R_NW @ R_WM @ R_BM.T).max() <= 1e-14, case
+    rate = R_WM @ omega_M if case.rate.axes == 'world' else omega_M
+    unit = 180.0 / math.pi if case.rate.unit == 'deg/s' else 1.0
+    omega_B = case.rate.read(tuple((unit * rate).tolist()), q_NB)
+    assert np.abs(omega_B - R_BM @ omega_M).max() <= 1e-14, case
+
+
+def test_named_axes_are_those_of_the_field() -> None:
+    """A vehicle in NED and FRD that heads north, level, heads north in ENU and FLU too."""
+    ned, frd = (to.axes_of('axes', name, named) for name, named in (
+        ('NED', to.WORLD_AXES), ('FRD', to.BODY_AXES)))
+    q_NB = to.AttitudeConvention('quaternion_wxyz', world=ned, body=frd).read((1.0, 0.0, 0.0, 0.0))
+    R_NB = so3.rotation_from_quaternion([q_NB[3], *q_NB[:3]])
+    np.testing.assert_allclose(R_NB @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=ROUNDING)  # north
+    np.testing.assert_allclose(R_NB @ [0.0, 0.0, 1.0], [0.0, 0.0, 1.0], atol=ROUNDING)  # up
+    yaw_right = to.RateConvention(body=frd).read((0.0, 0.0, 0.1), q_NB)
+    assert yaw_right == (0.0, 0.0, -0.1)
+
+
+def test_the_plain_convention_leaves_every_bit() -> None:
+    for q in ((0.1, -0.2, 0.3, 0.4), (-0.0, 5e-324, math.inf, 1.0)):
+        read = to.AttitudeConvention().read(q)
+        assert struct.pack('4d', *read) == struct.pack('4d', *q)
+
+
+@pytest.mark.parametrize('matrix', [
+    [2.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], [-1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]])
+def test_a_matrix_that_is_no_rotation_is_refused(matrix: list[float]) -> None:
+    with pytest.raises(ValueError, match='not a rotation'):
+        to.AttitudeConvention('matrix').read(matrix)
+    with pytest.raises(ConfigurationError, match='9 numbers of a rotation matrix'):
+        to.axes_of('body_axes', matrix, to.BODY_AXES)
