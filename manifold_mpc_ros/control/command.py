@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.control.actuator import Actuation
+from manifold_mpc_ros.control.consistency import MotionBounds
 from manifold_mpc_ros.control.decrease_monitor import DecreaseMonitor
 from manifold_mpc_ros.control.decrease_record import DecreaseRecord
 from manifold_mpc_ros.control.modes import Mode
@@ -43,6 +44,7 @@ class Law:
     """A control law that is ready to work: its configuration, its solver, and who judges it.
 
     A torque begins to act ``actuation_delay_s`` after the tick that it is sent at.
+    ``motion``: within what attitude and rate have to tell of one motion; None: not compared.
     """
 
     config: AttitudeMpcConfig
@@ -51,3 +53,4 @@ class Law:
     monitor: DecreaseMonitor | None = None
     backend: str = ''
     actuation_delay_s: float = 0.0
+    motion: MotionBounds | None = None

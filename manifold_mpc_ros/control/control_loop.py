@@ -112,6 +112,7 @@ class ControlLoop:
         self._delay_ns = _ns(law.actuation_delay_s)
         self._sent.kept_ns = self._delay_ns + PROPAGATE_STEPS * _ns(law.config.step_s)
         self._fallback = FallbackLaw(law.config)
+        self.logic.consistency.bounds = law.motion
         self._cold = True
 
     def receive(
@@ -134,6 +135,7 @@ class ControlLoop:
             self._flush('time started again')
             self.logic.restart()
         self.sample = sample
+        self.logic.compare(sample)
         self.logic.see()
         if self._R_ND is None:
             self._R_ND = sample.R_NB

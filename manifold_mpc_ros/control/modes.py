@@ -12,6 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from manifold_mpc_ros.control.consistency import ConsistencyCheck
+from manifold_mpc_ros.control.input_gate import StateSample
+
 #: A state older than this many steps is not moved on to the tick.
 PROPAGATE_STEPS = 2
 #: The stored plan is followed for at most this many ticks, and at most half the horizon.
@@ -27,11 +30,11 @@ _NANOSECONDS = 1_000_000_000
 class Mode(str, Enum):
     """What the active controller is doing."""
 
-    WAIT = 'WAIT'          # zero torque, no valid state has come yet
+    WAIT = 'WAIT'          # zero torque, not enough valid states have come yet
     NOMINAL = 'NOMINAL'    # the torque of the optimiser
     HOLD = 'HOLD'          # the stored plan, shifted by the time since it was made
     FALLBACK = 'FALLBACK'  # a saturated law on SO(3): there is no plan to follow
-    COAST = 'COAST'        # zero torque, the state is too old
+    COAST = 'COAST'        # zero torque, the state is too old or contradicts itself
     PAUSED = 'PAUSED'      # zero torque, by the operator
     FAULT = 'FAULT'        # zero torque, latched until the operator resets
     STOPPING = 'STOPPING'  # zero torque, the last commands of all
@@ -95,6 +98,7 @@ class ModeLogic:
         self.set_timeout(timeout_ns)
         self._stopping = False
         self.paused = False
+        self.consistency = ConsistencyCheck()
         self.reset()
 
     def reset(self) -> None:
@@ -103,6 +107,7 @@ class ModeLogic:
         self._errors = 0
         self._states_to_come = 0
         self._restarted = False
+        self.consistency.forget()
 
     def start(self) -> None:
         """Begin to act, after an end too: wait for the first state, not paused."""
@@ -144,11 +149,18 @@ class ModeLogic:
         """Note a valid state."""
         self._states_to_come = max(0, self._states_to_come - 1)
 
+    def compare(self, sample: StateSample) -> None:
+        """Compare a state with those before; too many that contradict themselves latch zero."""
+        self.consistency.observe(sample)
+        if self.consistency.is_latched:
+            self.fault(self.consistency.contradiction)
+
     def wants_plan(self, age_ns: int | None) -> bool:
         """Return whether a plan asked for now could be used."""
         return (age_ns is not None and age_ns <= self._propagate_ns and not self._stopping
                 and not self._fault and not self._restarted and not self.paused
-                and not self._states_to_come)
+                and not self._states_to_come and self.consistency.is_ready
+                and not self.consistency.contradiction)
 
     def enter(self, decision: Decision) -> None:
         """Take the decision of a tick: a restart is over, or a lost state has to come back."""
@@ -166,16 +178,28 @@ class ModeLogic:
             return Decision(Mode.FAULT, f'{self._fault} (zero until ~/reset)')
         if age_ns is None:
             return Decision(Mode.WAIT, 'waiting for the first valid state')
+        return self._withheld(age_ns) or self._acting(facts, age_ns)
+
+    def _withheld(self, age_ns: int) -> Decision | None:
+        """Return why the torque is zero although a state has come, None if it need not be."""
         if self._restarted:
             return Decision(Mode.WAIT, 'time started again', resumed=True)
         if self.paused:
             return Decision(Mode.PAUSED, 'paused by the operator')
         if age_ns > self._timeout_ns:
             return Decision(Mode.COAST, _old(age_ns), lost=True)
+        if not self.consistency.is_ready:
+            return Decision(Mode.WAIT, 'comparing attitude and rate of the first states')
+        if self.consistency.contradiction:
+            return Decision(Mode.COAST, self.consistency.contradiction, lost=True)
         if self._states_to_come:
             came = REENTRY_STATES - self._states_to_come
             return Decision(Mode.COAST, f'{came} of {REENTRY_STATES} valid states after the last '
-                                        'one was too old')
+                                        'one was too old or contradicted itself')
+        return None
+
+    def _acting(self, facts: Facts, age_ns: int) -> Decision:
+        """Return where the torque comes from, zero where there is nothing left."""
         if age_ns <= self._propagate_ns:
             if facts.outcome is SolveOutcome.USABLE:
                 return Decision(Mode.NOMINAL, facts.detail)

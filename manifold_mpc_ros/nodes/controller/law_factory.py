@@ -12,6 +12,7 @@ from multiprocessing import get_context
 
 from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.control.command import Law
+from manifold_mpc_ros.control.consistency import MotionBounds
 from manifold_mpc_ros.control.decrease_monitor import monitor_for
 from manifold_mpc_ros.control.exit_with_parent import end_with_parent
 from manifold_mpc_ros.control.solver_thread import (
@@ -40,7 +41,7 @@ def law_with(
         config.mpc, solver.terminal.P, decrease_tolerance=config.decrease_tolerance,
         attitude_noise_rad=config.attitude_noise_rad)
     return Law(config.mpc, runner_for(solver, config, prepare), config.state_timeout_s, monitor,
-               solver.backend, config.actuation_delay_s)
+               solver.backend, config.actuation_delay_s, MotionBounds.from_config(config))
 
 
 def runner_for(

@@ -1,0 +1,259 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Whether attitude and rate of the states tell of one motion, and if not, in which convention.
+
+Between two states k and l, T apart, the attitude turns by F = R_k^T R_l, and the rates say
+exp(w T) with w the mean of omega_BN_B, by the trapezoidal rule over the states between. They
+disagree by r = |log(exp(-w T) F)| / T [rad/s]. A true state may disagree by
+
+    A dt / 4 + |omega| |delta omega| T / 6 + 0.05 |omega| + 2 (e / T + e / h),
+
+with A the largest angular acceleration (torque limits, gyroscopic torque), dt the longest time
+between two states, |delta omega| the largest change of the rate and e the declared error of a
+measured attitude. More is a contradiction only where one of `CONVENTIONS`, a linear map of the
+rate, explains the motion four times better: noise, gaps, late messages and a frozen sensor do not
+find one that fits again and again. Pure logic: states in, a sentence out.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.config.controller import ControllerConfig
+from manifold_mpc_ros.config.rate_limits import BoolArray
+from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample
+from manifold_mpc_ros.dynamics.inertia import principal_moments
+from manifold_mpc_ros.lie import so3
+
+#: So many contradictions by the same convention, less the comparisons between that agree, latch.
+MOST_CONTRADICTIONS = 4
+#: Comparisons before the first torque, where states come by a clock.
+FIRST_COMPARISONS = 3
+#: A convention explains a motion if it leaves at most this part of the disagreement.
+EXPLAINED = 0.25
+#: A disagreement has to be so many times what the best convention leaves, in the median of so
+#: many comparisons: noise that nobody declared.
+NOISE_FACTOR, NOISE_COMPARISONS = 6.0, 5
+#: States are compared over this part of a control step, and over no less than this [s].
+COMPARED_STEPS, SHORTEST_COMPARED_S = 0.18, 0.09
+#: Part of the rate that may be wrong: scale factors, jitter of stamps.
+RATE_PART = 0.05
+#: Beyond this nothing is said about a motion [rad/s], [steps].
+LARGEST_RATE_RAD_S, LONGEST_COMPARED_STEPS = 1e3, 5.0
+
+_DEGREE = math.pi / 180.0
+
+
+@dataclass(frozen=True, eq=False)
+class Convention:
+    """A way to read a state: w = M omega, or w = M R_NB^T omega where ``inertial``."""
+
+    words: str
+    matrix: FloatArray
+    inertial: bool = False
+
+    @property
+    def scale(self) -> float:
+        """|w| / |omega|."""
+        return float(np.linalg.norm(self.matrix[0]))
+
+
+def _permutations() -> list[Convention]:
+    """Return the other 46 ways to name three axes and their signs."""
+    found = []
+    for order, signs in itertools.product(
+            itertools.permutations(range(3)), itertools.product((1.0, -1.0), repeat=3)):
+        matrix = np.array(signs)[:, None] * np.eye(3)[list(order)]
+        if abs(np.trace(matrix)) < 3.0:
+            axes = ', '.join(
+                ('-' if sign < 0.0 else '') + 'xyz'[axis]
+                for sign, axis in zip(signs, order, strict=True))
+            found.append(Convention(
+                f'the axes are permuted: the body rate is ({axes}) of the rate', matrix))
+    return found
+
+
+#: What a state may mean, the documented meaning first, then the likelier ones first.
+CONVENTIONS = (
+    Convention('as documented', np.eye(3)),
+    Convention('the rate is in the inertial (parent) frame', np.eye(3), inertial=True),
+    Convention('the rate is in deg/s', _DEGREE * np.eye(3)),
+    Convention('the rate has the opposite sign, or the quaternion is inverse (inertial to body) '
+               'and the rate in the inertial (parent) frame', -np.eye(3)),
+    Convention('the quaternion is inverse (inertial to body)', -np.eye(3), inertial=True),
+    Convention('the rate is in deg/s and in the inertial (parent) frame', _DEGREE * np.eye(3),
+               inertial=True),
+    *_permutations(),
+)
+_MATRICES = np.array([each.matrix for each in CONVENTIONS])
+#: The row of `_Window.turns` that each reads.
+_INERTIAL = np.array([int(each.inertial) for each in CONVENTIONS])
+_SCALES = np.array([each.scale for each in CONVENTIONS])
+
+
+@dataclass(frozen=True)
+class MotionBounds:
+    """How far the states of a body may disagree.
+
+    ``acceleration_rad_s2`` is the largest angular acceleration by the torque limits, infinite
+    without; the gyroscopic one is at most ``gyroscopic`` times |omega|^2. ``noise_rad`` is the
+    declared error of a measured attitude, and of the rate in one step of ``step_s``. With
+    ``first_comparisons`` nothing is acted on before so many.
+    """
+
+    acceleration_rad_s2: float
+    gyroscopic: float
+    noise_rad: float
+    step_s: float
+    first_comparisons: int
+
+    @classmethod
+    def from_config(cls, config: ControllerConfig) -> MotionBounds:
+        """Return the bounds of a controller's body and sensors."""
+        J, limit = config.mpc.inertia_kg_m2, config.mpc.max_torque_n_m
+        moments = principal_moments(J)
+        corners = np.array(list(itertools.product((1.0, -1.0), repeat=3)))
+        acceleration = math.inf if limit is None else float(
+            np.linalg.norm(np.linalg.solve(J, (corners * limit).T), axis=0).max())
+        return cls(acceleration, 0.5 * float(moments[2] / moments[0] - 1.0),
+                   config.attitude_noise_rad, config.mpc.step_s,
+                   0 if config.lockstep else FIRST_COMPARISONS)
+
+    @property
+    def compared_s(self) -> tuple[float, float]:
+        """The shortest and the longest time over which states are compared [s]."""
+        shortest_s = max(COMPARED_STEPS * self.step_s, SHORTEST_COMPARED_S)
+        return shortest_s, max(LONGEST_COMPARED_STEPS * self.step_s, 2.0 * shortest_s)
+
+    def allowed(self, seen: _Window, elapsed_s: float) -> FloatArray:
+        """Return how far a true state may disagree, by convention [rad/s]."""
+        fastest, change = _SCALES * seen.fastest, _SCALES * seen.change
+        accelerated = 0.5 * change if math.isinf(self.acceleration_rad_s2) else (
+            0.25 * self.acceleration_rad_s2 * seen.longest_s)
+        gyroscopic = 0.25 * self.gyroscopic * fastest ** 2 * seen.longest_s
+        return np.asarray(
+            accelerated + gyroscopic + fastest * change * elapsed_s / 6.0 + RATE_PART * fastest
+            + 2.0 * self.noise_rad * (1.0 / elapsed_s + 1.0 / self.step_s))
+
+
+class _Window:
+    """What the rates say about the motion since a first state.
+
+    ``turns`` (2, 3) are the integrals of omega_BN_B and of R_NB^T omega_BN_B [rad]; ``longest_s``
+    is the longest time between two states, ``fastest`` the largest rate and ``change`` its
+    largest change from one state to the next [rad/s].
+    """
+
+    def __init__(self, first: StateSample) -> None:
+        """Begin with a state."""
+        self.first = self.last = first
+        self.turns = np.zeros((2, 3))
+        self.longest_s = self.change = 0.0
+        self._rates = _in_both_frames(first)
+        self.fastest = float(np.linalg.norm(first.omega_BN_B))
+
+    @property
+    def elapsed_s(self) -> float:
+        """The time from the first state to the last [s]."""
+        return (self.last.stamp_ns - self.first.stamp_ns) / NANOSECONDS
+
+    def add(self, sample: StateSample) -> None:
+        """Add the next state, by the trapezoidal rule."""
+        dt, rates = (sample.stamp_ns - self.last.stamp_ns) / NANOSECONDS, _in_both_frames(sample)
+        self.turns += 0.5 * dt * (rates + self._rates)
+        self.longest_s = max(self.longest_s, dt)
+        self.change = max(self.change, float(np.linalg.norm(rates[0] - self._rates[0])))
+        self.fastest = max(self.fastest, float(np.linalg.norm(rates[0])))
+        self.last, self._rates = sample, rates
+
+
+class ConsistencyCheck:
+    """Compares each state with those before it, while ``bounds`` are set.
+
+    ``contradiction`` says what contradicts, '' while nothing does.
+    """
+
+    def __init__(self) -> None:
+        """Start without bounds, and no state seen."""
+        self.bounds: MotionBounds | None = None
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget every state, as at the start."""
+        self._window: _Window | None = None
+        self._count = self._compared = 0
+        self._agreeing = np.zeros(len(CONVENTIONS), dtype=np.bool_)
+        self._squares = np.zeros(len(CONVENTIONS))
+        self._unexplained_rad: deque[float] = deque(maxlen=NOISE_COMPARISONS)
+        self._sentence = ''
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether enough states have been compared to act on them."""
+        return self.bounds is None or self._compared >= self.bounds.first_comparisons
+
+    @property
+    def contradiction(self) -> str:
+        """What contradicts, and what convention would agree; '' while nothing does."""
+        return self._sentence if self._count and self.is_ready else ''
+
+    @property
+    def is_latched(self) -> bool:
+        """Whether the states have contradicted themselves for too long."""
+        return self._count >= MOST_CONTRADICTIONS and self.is_ready
+
+    def observe(self, sample: StateSample) -> None:
+        """Take the next state; one that is earlier than the last begins anew."""
+        if self.bounds is None or float(np.abs(sample.omega_BN_B).max()) > LARGEST_RATE_RAD_S:
+            self._window = None
+            return
+        window = self._window
+        if window is not None and sample.stamp_ns > window.last.stamp_ns:
+            window.add(sample)
+            shortest_s, longest_s = self.bounds.compared_s
+            if window.elapsed_s < shortest_s:
+                return
+            self._compared += 1
+            if window.elapsed_s <= longest_s:
+                self._compare(window, self.bounds)
+        self._window = _Window(sample)
+
+    def _compare(self, window: _Window, bounds: MotionBounds) -> None:
+        """Judge the motion in a window by every convention."""
+        elapsed_s = window.elapsed_s
+        F = window.first.R_NB.T @ window.last.R_NB
+        turns = (_MATRICES @ window.turns[_INERTIAL][..., None])[..., 0]
+        angles = so3.angle(so3.exp(-turns) @ F)
+        self._unexplained_rad.append(float(angles.min()))
+        least = np.maximum(
+            elapsed_s * bounds.allowed(window, elapsed_s),
+            NOISE_FACTOR * float(np.median(self._unexplained_rad)))
+        explaining = (angles[0] > least) & (angles <= EXPLAINED * np.minimum(
+            angles[0], np.linalg.norm(turns, axis=-1)))
+        if explaining.any():
+            self._contradict(explaining, angles / elapsed_s)
+        else:
+            self._count = max(0, self._count - 1)
+
+    def _contradict(self, explaining: BoolArray, residuals: FloatArray) -> None:
+        """Count a contradiction, anew where no convention explains all of them."""
+        again = self._count > 0 and bool((explaining & self._agreeing).any())
+        self._count = self._count + 1 if again else 1
+        self._agreeing = explaining & self._agreeing if again else explaining
+        self._squares = residuals ** 2 + (self._squares if again else 0.0)
+        best = float(self._squares[self._agreeing].min())
+        likeliest = int(np.argmax(self._agreeing & (self._squares <= 4.0 * best + 1e-12)))
+        self._sentence = (
+            f'attitude and rate contradict each other by {residuals[0]:.3g} rad/s; they would '
+            f'agree if {CONVENTIONS[likeliest].words}')
+
+
+def _in_both_frames(sample: StateSample) -> FloatArray:
+    """Return omega_BN_B and R_NB^T omega_BN_B (2, 3)."""
+    return np.stack([sample.omega_BN_B, sample.R_NB.T @ sample.omega_BN_B])
