@@ -49,6 +49,9 @@ ACTUATORS = {
         'manifold_mpc_ros.control.torque_actuator:TorqueActuator'),
 }
 
+#: What each lifecycle node publishes and subscribes to with ``bond_period_s``.
+BOND = ('bond', 'bond/msg/Status', 'heartbeats, with bond_period_s')
+
 
 def load(path: str) -> Any:
     """Return what 'module:name' names."""

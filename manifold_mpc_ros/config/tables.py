@@ -40,6 +40,10 @@ _AUTOSTART = ParameterSpec(
 _SECURE = ParameterSpec(
     'secure', 'bool', False,
     'refuse to configure unless DDS security is enforced (docs/security.md)', read_only=True)
+_BOND_PERIOD = ParameterSpec(
+    'bond_period_s', 'float', 0.0,
+    'period of the heartbeat for a lifecycle manager, by the package bond; 0: no bond', unit='s',
+    low=0.0, high=60.0, read_only=True)
 
 
 def _weight(name: str, default: list[float], description: str, unit: str) -> ParameterSpec:
@@ -133,6 +137,7 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
         'keep every page of the process in memory where the system permits it', read_only=True),
     _LOCKSTEP,
     _SECURE,
+    _BOND_PERIOD,
     _AUTOSTART,
 )
 
@@ -202,6 +207,7 @@ SIMULATOR_PARAMETERS: tuple[ParameterSpec, ...] = (
     _INERTIAL_FRAME,
     _BODY_FRAME,
     _SECURE,
+    _BOND_PERIOD,
     _AUTOSTART,
 )
 
@@ -213,6 +219,7 @@ MARKERS_PARAMETERS = (
         low=0.0, high=1e9),
     _INERTIAL_FRAME,
     _BODY_FRAME,
+    _BOND_PERIOD,
     _AUTOSTART,
     _SECURE,
 )

@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from lifecycle_msgs.srv import ChangeState
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.lifecycle import (
@@ -31,8 +30,9 @@ from manifold_mpc_ros.config.parameter import Value
 from manifold_mpc_ros.control.input_gate import RefusalLog
 from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.nodes.barrier import Barrier
+from manifold_mpc_ros.nodes.bond import Bond
 from manifold_mpc_ros.nodes.messages import to_diagnostics
-from manifold_mpc_ros.nodes.parameter_requests import make_requests_safe
+from manifold_mpc_ros.nodes.parameter_requests import make_requests_safe, make_transitions_safe
 from manifold_mpc_ros.nodes.parameters import NodeParameters
 from manifold_mpc_ros.nodes.security import demand_enforcement
 from manifold_mpc_ros.nodes.usage import Program
@@ -93,10 +93,11 @@ class ManagedNode(LifecycleNode):
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', OUTPUT_QOS)
         # Diagnostics go on when simulated time does not.
         self.steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self._bond = Bond(self, self.barrier, self.steady_clock)
         self.tick_every(DIAGNOSTICS_PERIOD_S, 'diagnostics', self.publish_diagnostics)
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.create_service(SetBool, '~/pause', self._on_pause)
-        self._guard_transitions()
+        make_transitions_safe(self)
         make_requests_safe(self, self._table)
         self.barrier.guard_services(self)
 
@@ -170,6 +171,7 @@ class ManagedNode(LifecycleNode):
             values = self._table.resolve()
             if values['secure']:
                 demand_enforcement(os.environ, self.get_fully_qualified_name())
+            self._bond.open(values['bond_period_s'])
             self.build(values)
             self._built = True
         except ManifoldMpcError as error:
@@ -189,12 +191,14 @@ class ManagedNode(LifecycleNode):
         result = super().on_activate(state)
         self.start()
         self.active = True
+        self._bond.begin()
         self.get_logger().info('active')
         return result
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Return to unconfigured after an error of our own in a transition."""
         self._cease()
+        self._bond.close()
         if self._built:
             self.barrier.guarded('taking down', self.take_down)()
         self._built = False
@@ -210,6 +214,7 @@ class ManagedNode(LifecycleNode):
     @noted
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Forget the configuration."""
+        self._bond.close()
         self.take_down()
         self._built = False
         self._table.changeable = True
@@ -221,30 +226,11 @@ class ManagedNode(LifecycleNode):
         self._cease()
         return super().on_shutdown(state)
 
-    def _guard_transitions(self) -> None:
-        """Answer a transition that does not exist in the present state with "no success".
-
-        rclpy lets the error out of its own service callback, which would end the process.
-        """
-        service = next(each for each in self.services if each.srv_type is ChangeState)
-        change_state = service.callback
-
-        def guarded(
-            request: ChangeState.Request, response: ChangeState.Response,
-        ) -> ChangeState.Response:
-            try:
-                return change_state(request, response)
-            except RuntimeError as error:
-                self.get_logger().warning(' '.join(str(error).split()))
-                response.success = False
-                return response
-
-        service.callback = guarded
-
     def _cease(self) -> None:
         """Stop if active."""
         if self.active:
             self.active = False
+            self._bond.end()
             self.stop()
 
     def publish_diagnostics(self) -> None:
@@ -259,6 +245,7 @@ class ManagedNode(LifecycleNode):
     def say(self, status: Status) -> None:
         """Publish a status with the counters of everything refused."""
         self._add_counters(status)
+        status.values |= self._bond.values()
         self._diagnostics.publish(to_diagnostics(
             self.get_clock().now().nanoseconds, self.get_fully_qualified_name().lstrip('/'),
             status.level, status.message, status.values))

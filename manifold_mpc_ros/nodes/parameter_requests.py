@@ -1,8 +1,9 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Services that set parameters, for requests that make no sense too.
+"""Services that set parameters and change states, for requests that make no sense too.
 
-rclpy converts a request outside of any try: a parameter of no known type ends the process.
+rclpy lets errors out of its own callbacks, which end the process: a parameter of no known type, a
+transition that does not exist in the present state.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
@@ -43,6 +45,24 @@ def make_requests_safe(node: Node, table: NodeParameters) -> None:
         SetParameters: one_by_one, SetParametersAtomically: all_or_nothing}
     for service in node.services:
         service.callback = answers.get(service.srv_type, service.callback)
+
+
+def make_transitions_safe(node: Node) -> None:
+    """Answer a transition that does not exist in the present state with "no success"."""
+    service = next(each for each in node.services if each.srv_type is ChangeState)
+    change_state = service.callback
+
+    def guarded(
+        request: ChangeState.Request, response: ChangeState.Response,
+    ) -> ChangeState.Response:
+        try:
+            return change_state(request, response)
+        except RuntimeError as error:
+            node.get_logger().warning(' '.join(str(error).split()))
+            response.success = False
+            return response
+
+    service.callback = guarded
 
 
 def _set(node: Node, table: NodeParameters, messages: list[Any]) -> SetParametersResult:

@@ -30,12 +30,13 @@ if TYPE_CHECKING:
 
 SROS2 = Path(__file__).parents[2] / 'config' / 'sros2'
 NODES = ('attitude_controller', 'attitude_markers', 'lgvi_simulator')
+BOND = {'bond_period_s': 0.1}
 #: Parameters of the controller, the simulator and the markers: together they open everything.
 CONFIGURATIONS: list[tuple[dict[str, object], ...]] = [
     ({'target': 'pointing', 'use_sim_time': True},
      {'timing.publish_clock': True, 'use_sim_time': True},
      {'use_sim_time': True}),
-    ({'state_source': 'imu'}, {}, {'state_source': 'imu'}),
+    ({'state_source': 'imu', **BOND}, BOND, {'state_source': 'imu', **BOND}),
 ]
 #: What every node of rclpy publishes.
 LOGS = {'/parameter_events', '/rosout'}
@@ -102,17 +103,20 @@ def opened_at_last(rig: Rig) -> dict[str, Rules]:
     return now
 
 
-def test_the_nodes_open_exactly_what_their_policies_allow(tmp_path: Path) -> None:
+def test_the_nodes_open_exactly_what_their_policies_allow(
+    tmp_path: Path, bond_package: Path,
+) -> None:
     from harness import open_rig
 
     seen: dict[str, Rules] = {node: {} for node in NODES}
     for controller, simulator, markers in CONFIGURATIONS:
         with open_rig(tmp_path) as rig:
-            rig.start('controller', parameters=controller)
-            rig.start('simulator', parameters=simulator)
+            own = {'PYTHONPATH': str(bond_package)}
+            rig.start('controller', parameters=controller, **own)
+            rig.start('simulator', parameters=simulator, **own)
             changes = [text for name, value in markers.items()
                        for text in ('-p', f'{name}:={str(value).lower()}')]
-            rig.run(['manifold_mpc_ros.nodes.markers.main', '--ros-args', *changes])
+            rig.run(['manifold_mpc_ros.nodes.markers.main', '--ros-args', *changes], **own)
             rig.watch(MarkerArray, '/attitude_markers/markers')  # it listens while one looks
             rig.until(lambda r=rig: everything_is_there(r), 'every node in the graph')
             for node, found in opened_at_last(rig).items():

@@ -7,7 +7,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from manifold_mpc_ros.config.interfaces import actuator_topics, state_topics
+from manifold_mpc_ros.config.interfaces import BOND, actuator_topics, state_topics
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
 from manifold_mpc_ros.nodes.process import run
 from manifold_mpc_ros.nodes.usage import Program
@@ -23,11 +23,13 @@ PROGRAM = Program(
         ('attitude_setpoint', 'geometry_msgs/msg/QuaternionStamped', 'commanded attitude'),
         ('direction_setpoint', 'geometry_msgs/msg/Vector3Stamped', 'commanded direction'),
         ('/clock', 'rosgraph_msgs/msg/Clock', 'time, with use_sim_time'),
+        BOND,
     ),
     publishes=(
         *actuator_topics(),
         ('~/prediction', 'nav_msgs/msg/Path', 'predicted attitudes'),
         ('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'mode, solver, refusals'),
+        BOND,
     ),
     replies=(
         ('~/reset', 'std_srvs/srv/Trigger', 'forget state, setpoint and warm start'),

@@ -7,7 +7,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from manifold_mpc_ros.config.interfaces import state_topics
+from manifold_mpc_ros.config.interfaces import BOND, state_topics
 from manifold_mpc_ros.config.tables import MARKERS_NAME, MARKERS_PARAMETERS
 from manifold_mpc_ros.nodes.process import run
 from manifold_mpc_ros.nodes.usage import Program
@@ -25,10 +25,12 @@ PROGRAM = Program(
         ('torque_command', 'geometry_msgs/msg/WrenchStamped', 'body torque [N m]'),
         ('attitude_controller/prediction', 'nav_msgs/msg/Path', 'predicted attitudes'),
         ('/clock', 'rosgraph_msgs/msg/Clock', 'time, with use_sim_time'),
+        BOND,
     ),
     publishes=(
         ('~/markers', 'visualization_msgs/msg/MarkerArray', 'only while somebody reads'),
         ('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'pictures drawn, refusals'),
+        BOND,
     ),
     replies=(
         ('~/reset', 'std_srvs/srv/Trigger', 'forget what was seen'),

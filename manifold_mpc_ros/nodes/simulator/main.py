@@ -7,6 +7,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
+from manifold_mpc_ros.config.interfaces import BOND
 from manifold_mpc_ros.config.tables import SIMULATOR_NAME, SIMULATOR_PARAMETERS
 from manifold_mpc_ros.nodes.process import run
 from manifold_mpc_ros.nodes.usage import Program
@@ -20,12 +21,14 @@ PROGRAM = Program(
     subscribes=(
         ('torque_command', 'geometry_msgs/msg/WrenchStamped', 'body torque [N m]'),
         ('/clock', 'rosgraph_msgs/msg/Clock', 'time, with use_sim_time'),
+        BOND,
     ),
     publishes=(
         ('odometry', 'nav_msgs/msg/Odometry', 'attitude (pose), body rate (twist)'),
         ('imu', 'sensor_msgs/msg/Imu', 'the same as an inertial sensor'),
         ('/clock', 'rosgraph_msgs/msg/Clock', 'simulated time, with publish_clock'),
         ('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'time, plant, refusals'),
+        BOND,
     ),
     replies=(
         ('~/reset', 'std_srvs/srv/Trigger', 'back to the initial attitude and rate'),
