@@ -16,6 +16,7 @@ import subprocess
 import sys
 import sysconfig
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 FASTRTPS, INTROSPECTION = 'rosidl_typesupport_fastrtps_c', 'rosidl_typesupport_introspection_c'
@@ -113,7 +114,8 @@ def _compile(source: Path, home: Path, used: Sequence[str]) -> None:
     entry = home / f'_{package}_s.ep.rosidl_typesupport_c.c'
     files = [path for folder in (source / 'c', source / 'more', home / 'msg')
              for path in folder.rglob('*') if path.suffix in ('.c', '.cpp')]
-    objects = [_object(path, headers) for path in (*files, entry)]
+    with ThreadPoolExecutor(os.cpu_count()) as compilers:
+        objects = list(compilers.map(lambda path: _object(path, headers), (*files, entry)))
     others = [f'{each}__{part}' for each in used
               for part in ('rosidl_generator_c', 'rosidl_generator_py', FASTRTPS, INTROSPECTION)]
     _link(home / f'lib{package}.so', objects[:-1], [*others, *RUNTIME], prefix / 'lib')

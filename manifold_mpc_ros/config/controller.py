@@ -10,7 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.config.description import state_description
+from manifold_mpc_ros.config.conventions import Vector
+from manifold_mpc_ros.config.description_file import (
+    command_description,
+    full_scale,
+    setpoint_description,
+    state_description,
+)
 from manifold_mpc_ros.config.parameter import Value, by_field, resolve_parameters
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
 from manifold_mpc_ros.config.yaml_file import read_parameter_file
@@ -27,6 +33,9 @@ class ControllerConfig:
     mpc: AttitudeMpcConfig
     backend: str
     state_source: str
+    setpoint_source: str
+    command_sink: str
+    full_scale_torque_n_m: Vector
     actuator: str
     actuation_delay_s: float
     inertial_frame_id: str
@@ -47,6 +56,12 @@ class ControllerConfig:
             raise ConfigurationError(
                 'actuators.actuation_delay_s', self.actuation_delay_s,
                 f'at most {LONGEST_DELAY_STEPS} steps, {longest_s:g} s')
+        limit = self.mpc.max_torque_n_m
+        if command_description(self.command_sink).normalised and (
+                limit is None or not (limit <= self.full_scale_torque_n_m).all()):
+            raise ConfigurationError(
+                'full_scale_torque_n_m', list(self.full_scale_torque_n_m),
+                'at least limits.max_torque_n_m, which has to be finite')
 
     @classmethod
     def from_yaml(cls, path: str | Path) -> ControllerConfig:
@@ -61,6 +76,8 @@ class ControllerConfig:
         chosen: dict[str, Any] = by_field(
             CONTROLLER_PARAMETERS, values, (field.name for field in fields(cls)))
         state_description(chosen['state_source'])
+        setpoint_description(chosen['setpoint_source'])
+        chosen['full_scale_torque_n_m'] = full_scale(chosen['full_scale_torque_n_m'])
         return cls(mpc=AttitudeMpcConfig.from_parameters(values), **chosen)
 
     @property

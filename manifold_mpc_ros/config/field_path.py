@@ -78,7 +78,7 @@ def put_numbers(
             put(message, steps, value)
         return
     target = value_at(message, fields[0])
-    if hasattr(target, names[0]):
+    if names and hasattr(target, names[0]):
         for name, value in zip(names, values, strict=True):
             setattr(target, name, value)
     else:

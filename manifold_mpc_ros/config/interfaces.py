@@ -1,53 +1,28 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Topics of states and commands, and actuators by kind with the class that does the work.
+"""Shipped topics of states, setpoints and commands, and actuators by kind.
 
-States are described in YAML (description.py). What the nodes subscribe to and publish, ``--help``
-and the security policies follow from the descriptions and from the table here.
+Messages are described in YAML (description.py). What the nodes subscribe to and publish,
+``--help`` and the security policies follow from the descriptions and from the table here.
 """
 
 from __future__ import annotations
 
 import importlib
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
-from manifold_mpc_ros.config.description import PLAIN, state_description
+from manifold_mpc_ros.config.description_file import (
+    PLAIN,
+    command_description,
+    setpoint_description,
+    state_description,
+)
 from manifold_mpc_ros.errors import ConfigurationError
 
-
-@dataclass(frozen=True)
-class Topic:
-    """A topic: its name, the type of its messages (package/msg/Name), and what they say."""
-
-    name: str
-    message_type: str
-    meaning: str
-
-
-@dataclass(frozen=True)
-class InterfaceKind:
-    """One kind of actuator.
-
-    ``implementation`` is 'module:Class', below the package, imported when it is used: an
-    `Actuator` (control/actuator.py).
-    """
-
-    topics: tuple[Topic, ...]
-    implementation: str
-
-    def load(self) -> Any:
-        """Return the class."""
-        return load(self.implementation)
-
-
-#: What turns the body, by the value of the parameter ``actuators.kind``.
-ACTUATORS = {
-    'torque': InterfaceKind(
-        (Topic('torque_command', 'geometry_msgs/msg/WrenchStamped', 'body torque [N m]'),),
-        'manifold_mpc_ros.control.torque_actuator:TorqueActuator'),
-}
+#: What turns the body, by the value of the parameter ``actuators.kind``: 'module:Class' of an
+#: `Actuator` (control/actuator.py), imported when it is used.
+ACTUATORS = {'torque': 'manifold_mpc_ros.control.torque_actuator:TorqueActuator'}
 
 #: What each lifecycle node publishes and subscribes to with ``bond_period_s``.
 BOND = ('bond', 'bond/msg/Status', 'heartbeats, with bond_period_s')
@@ -85,8 +60,13 @@ def state_topics() -> tuple[tuple[str, str, str], ...]:
         for topic, message_type in state_description(name).topics.items())
 
 
-def actuator_topics() -> tuple[tuple[str, str, str], ...]:
-    """Return name, type and meaning of every topic of an actuator, once."""
-    return tuple(dict.fromkeys(
-        (topic.name, topic.message_type, topic.meaning)
-        for actuator in ACTUATORS.values() for topic in actuator.topics))
+def setpoint_topic() -> tuple[str, str, str]:
+    """Return name, type and meaning of the shipped topic of commanded attitudes."""
+    attitude = setpoint_description(PLAIN).attitude
+    return attitude.topic, attitude.message_type, 'commanded attitude'
+
+
+def command_topics() -> tuple[tuple[str, str, str], ...]:
+    """Return name, type and meaning of the shipped topics of commands."""
+    return tuple((message.topic, message.message_type, 'body torque [N m]')
+                 for message in command_description(PLAIN).messages)

@@ -26,6 +26,16 @@ _STATE_SOURCE = ParameterSpec(
     'state_source', 'str', 'odometry',
     'messages that bring attitude and body rate: a shipped description by its name, or a YAML '
     'file (docs/interfaces.md)', read_only=True)
+_SETPOINT_SOURCE = ParameterSpec(
+    'setpoint_source', 'str', 'nav',
+    'messages that command attitudes: a description as of state_source', read_only=True)
+_COMMAND_SINK = ParameterSpec(
+    'command_sink', 'str', 'nav', 'messages of commands: a description as of state_source',
+    read_only=True)
+_FULL_SCALE = ParameterSpec(
+    'full_scale_torque_n_m', 'floats', [math.inf],
+    'torque that is 1 in the messages of a normalised command, about each body axis of the stack',
+    unit='N m', lengths=(1, 3), infinite=True, read_only=True)
 _INERTIAL_FRAME = ParameterSpec(
     'inertial_frame_id', 'str', 'inertial', 'frame that attitudes are measured against',
     read_only=True)
@@ -103,6 +113,9 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
         'w of w (1 - cos(pointing error)) (target: pointing)', unit='1', low=0.0, high=1e12,
         name_in_config='pointing_weight'),
     _STATE_SOURCE,
+    _SETPOINT_SOURCE,
+    _COMMAND_SINK,
+    _FULL_SCALE,
     ParameterSpec(
         'actuators.kind', 'str', 'torque', 'what turns the body', choices=tuple(ACTUATORS),
         read_only=True, name_in_config='actuator'),
@@ -213,6 +226,9 @@ SIMULATOR_PARAMETERS: tuple[ParameterSpec, ...] = (
 
 MARKERS_PARAMETERS = (
     _STATE_SOURCE,
+    _SETPOINT_SOURCE,
+    _COMMAND_SINK,
+    _FULL_SCALE,
     ParameterSpec(
         'torque_length_per_n_m', 'float', 3.0,
         'length of the arrow of a torque of 1 N m; the body axes have length 1', unit='1/(N m)',

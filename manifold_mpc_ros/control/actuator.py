@@ -3,7 +3,7 @@
 """What an actuator is: body torque in, device command and realised torque out.
 
 A kind of actuator is one file beside this one, with a class that is an `Actuator`, and one entry
-in the table `ACTUATORS` (config/interfaces.py), which names the class and the topics.
+in the table `ACTUATORS` (config/interfaces.py), which names the class.
 """
 
 from __future__ import annotations

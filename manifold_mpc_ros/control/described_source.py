@@ -8,7 +8,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from manifold_mpc_ros.config.conventions import Quaternion
-from manifold_mpc_ros.config.description import Part, Stamp, StateDescription
+from manifold_mpc_ros.config.description import (
+    AttitudePart,
+    Part,
+    Stamp,
+    StateDescription,
+)
 from manifold_mpc_ros.config.field_path import Steps, has_field, numbers_at, text_of, value_at
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, RawState, Reason, Refusal
 from manifold_mpc_ros.errors import ConfigurationError
@@ -124,6 +129,17 @@ def _read(part: Part, message: Any, received_ns: int) -> _Read:
         numbers_at(message, part.fields, part.names),
         not part.absent or value_at(message, part.absent) != NOT_PROVIDED,
         _text(message, part.inertial_frame_id), _text(message, part.body_frame_id))
+
+
+def read_attitude(
+    part: AttitudePart, message: Any,
+) -> tuple[str | None, Quaternion] | Refusal:
+    """Map a message to its inertial frame, None where none is named, and q_NB as x, y, z, w."""
+    try:
+        return (_text(message, part.inertial_frame_id),
+                part.convention.read(numbers_at(message, part.fields, part.names)))
+    except (IndexError, ValueError) as error:
+        return Refusal(Reason.UNREADABLE, f'{part.topic}: {error}')
 
 
 def check_fields(part: Part, message: Any) -> None:

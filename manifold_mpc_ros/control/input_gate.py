@@ -185,7 +185,7 @@ class StateGate:
 
 
 def admit_setpoint(
-    frame_id: str, quaternion_xyzw: Quaternion, inertial_frame_id: str,
+    frame_id: str | None, quaternion_xyzw: Quaternion, inertial_frame_id: str,
 ) -> FloatArray | Refusal:
     """Return the commanded attitude R_ND of a setpoint, or why it must not be used."""
     refusal = (_wrong_frame(frame_id, inertial_frame_id, 'inertial')
@@ -212,7 +212,7 @@ def admit_direction(
 
 
 def admit_torque(
-    frame_id: str, torque_B: Vector, body_frame_id: str,
+    frame_id: str | None, torque_B: Vector, body_frame_id: str,
 ) -> FloatArray | Refusal:
     """Return the body torque [N m] of a command at the plant, or why it must not be used."""
     refusal = (_wrong_frame(frame_id, body_frame_id, 'body')

@@ -1,67 +1,101 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The controller's actuator on the ROS side: its topics, and the messages of each command."""
+"""A node's commands: publishers of the described messages, and the messages of each command."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
-from geometry_msgs.msg import WrenchStamped
 from rclpy.duration import Duration
 
-from manifold_mpc_ros.config.interfaces import ACTUATORS, message_class
+from manifold_mpc_ros.config.conventions import Vector
+from manifold_mpc_ros.config.description import (
+    CommandMessage,
+)
+from manifold_mpc_ros.config.description_file import (
+    command_description,
+)
+from manifold_mpc_ros.config.interfaces import message_class
 from manifold_mpc_ros.control.actuator import Actuation
+from manifold_mpc_ros.control.described_command import CommandWriter
 from manifold_mpc_ros.nodes.managed_node import ManagedNode
-from manifold_mpc_ros.nodes.messages import to_torque
-
-#: Maps the stamp [ns] and the body frame of a command, and the command, to a message.
-Writer = Callable[[int, str, Actuation], Any]
-
-
-def _wrench(stamp_ns: int, body_frame_id: str, actuation: Actuation) -> WrenchStamped:
-    """Return the body torque that is asked for, as a wrench without force."""
-    return to_torque(stamp_ns, actuation.torque_B_n_m, body_frame_id)
-
-
-#: What a message type says of a command.
-WRITERS: dict[str, Writer] = {'geometry_msgs/msg/WrenchStamped': _wrench}
 
 
 class CommandOutput:
-    """Publishes commands on every topic of an actuator.
+    """Publishes commands on every topic of a description.
 
     Arguments
     ---------
     node
         Who publishes.
-    kind
-        The key in `ACTUATORS`.
+    given
+        The description: the name of a shipped one, or a YAML file.
     body_frame_id
         The frame of the spacecraft body.
+    full_scale_n_m
+        Torque of each axis that is 1 where torques are normalised [N m].
+
+    Raises ConfigurationError for a message type that is not installed or a field that it lacks.
 
     """
 
-    def __init__(self, node: ManagedNode, kind: str, body_frame_id: str) -> None:
-        """Advertise the topics of the kind."""
+    def __init__(
+        self, node: ManagedNode, given: str, body_frame_id: str, full_scale_n_m: Vector,
+    ) -> None:
+        """Advertise the topics of the description."""
         self._node = node
-        self._body_frame_id = body_frame_id
-        self._outputs = [
-            (WRITERS[topic.message_type],
-             node.advertise(message_class(topic.message_type), topic.name))
-            for topic in ACTUATORS[kind].topics]
+        described = command_description(given)
+        writers = [CommandWriter(message, body_frame_id, full_scale_n_m)
+                   for message in described.messages]
+        kinds = [message_class(message.message_type, described.install)
+                 for message in described.messages]
+        for writer, kind in zip(writers, kinds, strict=True):
+            writer.check(kind())
+        self._outputs = [_Output(node, writer, kind)
+                         for writer, kind in zip(writers, kinds, strict=True)]
 
     def close(self) -> None:
         """Publish no more."""
-        for _, publisher in self._outputs:
-            self._node.destroy_lifecycle_publisher(publisher)
+        for output in self._outputs:
+            output.close()
 
     def send(self, stamp_ns: int, actuation: Actuation) -> None:
         """Publish a command with the stamp of the state that it answers [ns]."""
-        for write, publisher in self._outputs:
-            publisher.publish(write(stamp_ns, self._body_frame_id, actuation))
+        for output in self._outputs:
+            output.send(stamp_ns, actuation)
 
     def wait_until_read(self, longest_s: float) -> None:
         """Wait until reliable readers have every command, at most so long [s]."""
-        for _, publisher in self._outputs:
-            publisher.wait_for_all_acked(Duration(seconds=longest_s))
+        for output in self._outputs:
+            output.publisher.wait_for_all_acked(Duration(seconds=longest_s))
+
+
+class _Output:
+    """The publisher of one topic, and the timer of messages that come by themselves."""
+
+    def __init__(self, node: ManagedNode, writer: CommandWriter, kind: type) -> None:
+        """Advertise the topic."""
+        described: CommandMessage = writer.described
+        self._node, self._writer, self._kind = node, writer, kind
+        self.publisher = node.advertise(kind, described.topic)
+        self._timer = node.tick_every(
+            described.period_s, described.topic, self._on_timer) if described.period_s else None
+
+    def close(self) -> None:
+        """Publish no more."""
+        if self._timer is not None:
+            self._node.destroy_timer(self._timer)
+        self._node.destroy_lifecycle_publisher(self.publisher)
+
+    def send(self, stamp_ns: int, actuation: Actuation) -> None:
+        """Publish a command, unless this topic has a period of its own."""
+        if self._timer is None:
+            self._publish(stamp_ns, actuation if self._writer.described.fields else None)
+
+    def _on_timer(self) -> None:
+        """Publish what comes by itself, while the node is active."""
+        if self._node.active:
+            self._publish(self._node.get_clock().now().nanoseconds, None)
+
+    def _publish(self, stamp_ns: int, actuation: Actuation | None) -> None:
+        """Publish one message."""
+        self.publisher.publish(self._writer.fill(
+            self._kind(), stamp_ns, self._node.get_clock().now().nanoseconds, actuation))

@@ -13,7 +13,9 @@ from typing import Any
 
 from rclpy.qos import QoSProfile
 
-from manifold_mpc_ros.config.description import state_description
+from manifold_mpc_ros.config.description_file import (
+    state_description,
+)
 from manifold_mpc_ros.config.interfaces import message_class
 from manifold_mpc_ros.control.described_source import DescribedSource
 from manifold_mpc_ros.control.input_gate import RawState, Refusal

@@ -10,7 +10,10 @@ from typing import Any
 import pytest
 import yaml
 
-from manifold_mpc_ros.config.description import preset_names, state_description
+from manifold_mpc_ros.config.description_file import (
+    preset_names,
+    state_description,
+)
 from manifold_mpc_ros.errors import ConfigurationError
 
 ATTITUDE = {

@@ -18,7 +18,7 @@ from properties import PROPERTY, any_vector, finite_vector
 from scripted import CONFIG, FREE, OMEGA, R_NB, SAMPLE, STEP_NS, TIMEOUT_S, Script, gate
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.config.interfaces import ACTUATORS, InterfaceKind, Topic
+from manifold_mpc_ros.config.interfaces import ACTUATORS, load
 from manifold_mpc_ros.control.actuator import Actuation
 from manifold_mpc_ros.control.command import Law
 from manifold_mpc_ros.control.control_loop import ControlLoop
@@ -60,9 +60,7 @@ class FinePairs(Pairs):
     least_n_m = 0.0
 
 
-KINDS = {
-    name: InterfaceKind((Topic('pairs', 'std_msgs/msg/Float64MultiArray', 'thrust pairs'),),
-                        f'{__name__}:{name}') for name in ('Pairs', 'FinePairs')}
+KINDS = {name: f'{__name__}:{name}' for name in ('Pairs', 'FinePairs')}
 
 
 def loop_of(kind: str, solver: Script, monkeypatch: pytest.MonkeyPatch) -> ControlLoop:
@@ -71,7 +69,7 @@ def loop_of(kind: str, solver: Script, monkeypatch: pytest.MonkeyPatch) -> Contr
     monitor = DecreaseMonitor(Tolerance(0.1, 1e-9), step_s=CONFIG.step_s)
     law = Law(CONFIG, DirectSolver(solve_with(solver)), TIMEOUT_S, monitor)
     return ControlLoop(law, gate(), initial_setpoint='identity',
-                       make_actuator=ACTUATORS[kind].load().from_config)
+                       make_actuator=load(ACTUATORS[kind]).from_config)
 
 
 def test_the_devices_get_their_command_and_the_state_moves_on_under_what_is_realised(

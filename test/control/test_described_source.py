@@ -12,7 +12,9 @@ from typing import Any
 import pytest
 import yaml
 
-from manifold_mpc_ros.config.description import state_description
+from manifold_mpc_ros.config.description_file import (
+    state_description,
+)
 from manifold_mpc_ros.control.described_source import DescribedSource, ForeignClock
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, RawState, Reason, Refusal
 from manifold_mpc_ros.errors import ConfigurationError

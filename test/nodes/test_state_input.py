@@ -23,7 +23,9 @@ from rclpy.clock import ROSClock
 from rclpy.qos import QoSProfile
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.config.description import PRESETS
+from manifold_mpc_ros.config.description_file import (
+    PRESETS,
+)
 from manifold_mpc_ros.control.command import Law
 from manifold_mpc_ros.control.control_loop import ControlLoop
 from manifold_mpc_ros.control.input_gate import (

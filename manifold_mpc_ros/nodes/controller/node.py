@@ -9,12 +9,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import QuaternionStamped, Vector3Stamped
+from geometry_msgs.msg import Vector3Stamped
 from nav_msgs.msg import Path
 
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.controller import ControllerConfig
-from manifold_mpc_ros.config.interfaces import ACTUATORS
+from manifold_mpc_ros.config.interfaces import ACTUATORS, load
 from manifold_mpc_ros.config.parameter import Value
 from manifold_mpc_ros.control.command import Command, Law
 from manifold_mpc_ros.control.control_loop import ControlLoop
@@ -25,7 +25,6 @@ from manifold_mpc_ros.control.input_gate import (
     Refusal,
     StateGate,
     admit_direction,
-    admit_setpoint,
 )
 from manifold_mpc_ros.control.tick_time import LOCKSTEP, ClockTime, TickTime
 from manifold_mpc_ros.errors import CacheError, ManifoldMpcError
@@ -39,6 +38,7 @@ from manifold_mpc_ros.nodes.controller.law_factory import law_with
 from manifold_mpc_ros.nodes.controller.realtime import Realtime
 from manifold_mpc_ros.nodes.controller.run_time_parameters import LawChanges
 from manifold_mpc_ros.nodes.controller.tick_timing import AnswerTiming, TickTiming, arrival_s
+from manifold_mpc_ros.nodes.described_inputs import DescribedSetpoint
 from manifold_mpc_ros.nodes.managed_node import STATE_QOS, ManagedNode, Status
 from manifold_mpc_ros.nodes.setpoint_input import SetpointInput
 from manifold_mpc_ros.nodes.state_input import StateInput
@@ -72,6 +72,7 @@ class AttitudeControllerNode(ManagedNode):
         self._config = config
         self._changes.begin(dict(values))
         self._simulated_time = False
+        setpoint = DescribedSetpoint(config.setpoint_source, config.inertial_frame_id)
         self._realtime = Realtime(config.scheduler_priority, lock_memory=config.lock_memory)
         self._warn_without_cache()
         self._law = self._build_law(config)
@@ -80,16 +81,18 @@ class AttitudeControllerNode(ManagedNode):
             timeout_s=config.state_timeout_s, timed=not config.lockstep)
         self._loop = ControlLoop(
             self._law, gate, initial_setpoint=config.initial_setpoint,
-            make_actuator=ACTUATORS[config.actuator].load().from_config)
+            make_actuator=load(ACTUATORS[config.actuator]).from_config)
         self._command: Command | None = None
         self._ticks = self._setpoints = 0
         self._said: tuple[tuple[object, ...], float] = ((), 0.0)
-        self._output = CommandOutput(self, config.actuator, config.body_frame_id)
+        self._output = CommandOutput(
+            self, config.command_sink, config.body_frame_id, config.full_scale_torque_n_m)
         self._prediction = self.advertise(Path, '~/prediction')
         self._states = StateInput(
             self, config.state_source, STATE_QOS, self._on_state, self._on_duplicate)
         self._setpoint_inputs = [SetpointInput(
-            self, QuaternionStamped, 'attitude_setpoint', self._on_setpoint)]
+            self, setpoint.kind, setpoint.topic,
+            lambda message: self._aim('attitude_setpoint', setpoint.admit(message)))]
         if config.mpc.target == 'pointing':
             self._setpoint_inputs.append(SetpointInput(
                 self, Vector3Stamped, 'direction_setpoint', self._on_direction))
@@ -217,12 +220,6 @@ class AttitudeControllerNode(ManagedNode):
     def _on_duplicate(self, topic: str) -> None:
         """Command zero until a reset: which of two publishers is right nobody knows."""
         self._loop.logic.fault(f'two publishers of {topic}')
-
-    def _on_setpoint(self, message: QuaternionStamped) -> None:
-        """Aim at a commanded attitude or count its refusal."""
-        self._aim('attitude_setpoint', admit_setpoint(
-            message.header.frame_id, messages.quaternion_values(message.quaternion),
-            self._config.inertial_frame_id))
 
     def _on_direction(self, message: Vector3Stamped) -> None:
         """Point the axis along a commanded direction or count its refusal."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from manifold_mpc_ros.config.interfaces import BOND, state_topics
+from manifold_mpc_ros.config.interfaces import BOND, command_topics, setpoint_topic, state_topics
 from manifold_mpc_ros.config.tables import MARKERS_NAME, MARKERS_PARAMETERS
 from manifold_mpc_ros.nodes.process import run
 from manifold_mpc_ros.nodes.usage import Program
@@ -20,9 +20,9 @@ PROGRAM = Program(
     parameters=MARKERS_PARAMETERS,
     subscribes=(
         *state_topics(),
-        ('attitude_setpoint', 'geometry_msgs/msg/QuaternionStamped', 'commanded attitude'),
+        setpoint_topic(),
         ('direction_setpoint', 'geometry_msgs/msg/Vector3Stamped', 'commanded direction'),
-        ('torque_command', 'geometry_msgs/msg/WrenchStamped', 'body torque [N m]'),
+        *command_topics(),
         ('attitude_controller/prediction', 'nav_msgs/msg/Path', 'predicted attitudes'),
         ('/clock', 'rosgraph_msgs/msg/Clock', 'time, with use_sim_time'),
         BOND,

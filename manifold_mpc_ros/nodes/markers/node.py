@@ -9,21 +9,23 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import QuaternionStamped, Vector3Stamped, WrenchStamped
+from geometry_msgs.msg import Vector3Stamped
 from nav_msgs.msg import Path
 from rclpy.subscription import Subscription
 from visualization_msgs.msg import MarkerArray
 
+from manifold_mpc_ros.config.description_file import (
+    full_scale,
+)
 from manifold_mpc_ros.config.parameter import Value
 from manifold_mpc_ros.control.input_gate import (
     RawState,
     Refusal,
     StateGate,
     admit_direction,
-    admit_setpoint,
-    admit_torque,
 )
 from manifold_mpc_ros.nodes import messages
+from manifold_mpc_ros.nodes.described_inputs import DescribedSetpoint, DescribedTorque
 from manifold_mpc_ros.nodes.managed_node import INPUT_QOS, OUTPUT_QOS, ManagedNode, Status
 from manifold_mpc_ros.nodes.markers.shapes import Picture, markers
 from manifold_mpc_ros.nodes.state_input import StateInput
@@ -48,12 +50,18 @@ class AttitudeMarkersNode(ManagedNode):
         self._publisher = self.create_lifecycle_publisher(MarkerArray, '~/markers', OUTPUT_QOS)
         self._state_source = str(values['state_source'])
         self._states: StateInput | None = None
+        setpoint = DescribedSetpoint(str(values['setpoint_source']), self._frames[0])
+        torque = DescribedTorque(
+            str(values['command_sink']), self._frames[1],
+            full_scale(values['full_scale_torque_n_m']))  # type: ignore[arg-type]
         # Setpoints come seldom: one that nobody saw coming is drawn all the same.
         self._always = self._subscribe((
-            (QuaternionStamped, 'attitude_setpoint', self._on_attitude),
+            (setpoint.kind, setpoint.topic, lambda message: self._take(
+                'attitude_setpoint', 'R_ND', setpoint.admit(message), 'direction_N')),
             (Vector3Stamped, 'direction_setpoint', self._on_direction)))
         self._streams = (
-            (WrenchStamped, 'torque_command', self._on_torque),
+            (torque.kind, torque.topic, lambda message: self._take(
+                'torque_command', 'torque_B_n_m', torque.admit(message))),
             (Path, 'attitude_controller/prediction', self._on_prediction))
         self._while_looked_at: list[Subscription] = []
 
@@ -130,22 +138,11 @@ class AttitudeMarkersNode(ManagedNode):
         self._picture.R_NB, self._picture.stamp_ns = admitted.R_NB, admitted.stamp_ns
         self._fresh = True
 
-    def _on_attitude(self, message: QuaternionStamped) -> None:
-        """Take a commanded attitude."""
-        self._take('attitude_setpoint', 'R_ND', admit_setpoint(
-            message.header.frame_id, messages.quaternion_values(message.quaternion),
-            self._frames[0]), 'direction_N')
-
     def _on_direction(self, message: Vector3Stamped) -> None:
         """Take a commanded direction."""
         self._take('direction_setpoint', 'direction_N', admit_direction(
             message.header.frame_id, messages.vector_values(message.vector),
             self._frames[0]), 'R_ND')
-
-    def _on_torque(self, message: WrenchStamped) -> None:
-        """Take a torque."""
-        self._take('torque_command', 'torque_B_n_m', admit_torque(
-            message.header.frame_id, messages.from_torque(message), self._frames[1]))
 
     def _on_prediction(self, message: Path) -> None:
         """Take a plan; its positions are the path of a body axis on the unit sphere."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from manifold_mpc_ros.config.interfaces import BOND
+from manifold_mpc_ros.config.interfaces import BOND, command_topics
 from manifold_mpc_ros.config.tables import SIMULATOR_NAME, SIMULATOR_PARAMETERS
 from manifold_mpc_ros.nodes.process import run
 from manifold_mpc_ros.nodes.usage import Program
@@ -19,7 +19,7 @@ PROGRAM = Program(
             'SO(3).',
     parameters=SIMULATOR_PARAMETERS,
     subscribes=(
-        ('torque_command', 'geometry_msgs/msg/WrenchStamped', 'body torque [N m]'),
+        *command_topics(),
         ('/clock', 'rosgraph_msgs/msg/Clock', 'time, with use_sim_time'),
         BOND,
     ),
