@@ -41,11 +41,10 @@ class Bond:
         if not period_s:
             return
         try:
-            self._kind = message_class(MESSAGE_TYPE)
-        except ImportError:
+            self._kind = message_class(MESSAGE_TYPE, {'bond': 'apt-get install ros-jazzy-bond'})
+        except ConfigurationError as error:
             raise ConfigurationError(
-                'bond_period_s', period_s, '0, or the ROS package bond, which is not installed',
-            ) from None
+                'bond_period_s', period_s, f'0, or {MESSAGE_TYPE} to be {error.valid}') from None
         best_effort = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._publisher = self._node.create_publisher(self._kind, TOPIC, _DEPTH)
         self._interfaces = (

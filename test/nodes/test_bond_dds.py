@@ -94,5 +94,5 @@ def test_a_bond_without_its_package_is_refused_in_a_sentence(rig: Rig) -> None:
     process = rig.start('simulator', parameters=BOND)
     assert process.wait() == 1
     assert process.log.count(
-        'bond_period_s: 0.05 is not valid; expected 0, or the ROS package bond, which is not '
-        'installed') == 1, process.log
+        'bond_period_s: 0.05 is not valid; expected 0, or bond/msg/Status to be a type of an '
+        'installed package (apt-get install ros-jazzy-bond)') == 1, process.log
