@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike
 from manifold_mpc_ros.config.cones import directions
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.errors import ConfigurationError
-from manifold_mpc_ros.mpc import search
 from manifold_mpc_ros.mpc.backends.build import load_solver
 from manifold_mpc_ros.mpc.local_solver import LocalSolver, Plan, StateReport
+from manifold_mpc_ros.mpc.plan_finder import VIOLATION, PlanFinder
 from manifold_mpc_ros.mpc.program.numbers import numbers_of
 from manifold_mpc_ros.mpc.scaling import Array, scaling_of
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
@@ -26,17 +26,8 @@ from manifold_mpc_ros.mpc.stored_design import stored_design
 from manifold_mpc_ros.mpc.target import error_angle
 from manifold_mpc_ros.terminal.design import TerminalDesign
 
-# The shifted plan itself: so near its limits that its cost is what it would be on them.
-SHIFTED_BARRIER = 1e-12
 # A level that no state exceeds: the terminal set is then not there.
 NO_LEVEL = 1e12
-# A relative violation of a state limit above this makes a plan infeasible.
-VIOLATION = 1e-6
-# The warm plan is kept while its value stays within this of V - L of the last plan, and
-# always when less than this angle [rad] is left to turn: no other side can win there.
-VALUE_SLACK = 1e-2
-LEAST_VALUE = 1e-3
-SEARCH_ANGLE_RAD = np.pi / 2
 # A commanded attitude that moved by more than this [rad] forgets the warm start.
 SETPOINT_MOVED_RAD = 1e-3
 # A matrix farther than this from SO(3) is no rotation.
@@ -88,22 +79,17 @@ class AttitudeMpc:
 
         self._strict = solver_within(self.terminal.c)
         self._relaxed = solver_within(NO_LEVEL) if config.terminal_constraint else self._strict
-        self._starts = search.starts(config)
-        self._plan = self._strict.new_plan()
-        self._spare = [self._strict.new_plan() for _ in range(2 + len(self._starts))]
+        self._finder = PlanFinder(config, self._strict, self._relaxed)
         inertia = config.inertia_kg_m2 / (self._unit.torque_n_m * self._unit.time_s ** 2)
         self._guard_squared = float(np.linalg.eigvalsh(inertia)[0]) ** 2
         self._R_ND = _IDENTITY
-        self._value_bound: float | None = None
         self._directions_N = np.zeros(0)
         if config.cones:
             self._set_directions(directions(config.cones, None, config.horizon))
-        self._inside = True
-        self._deadline_s = math.inf
 
     def reset(self) -> None:
         """Forget the warm start; the next solve searches globally."""
-        self._value_bound = None
+        self._finder.reset()
 
     def solve(self, R_NB: ArrayLike, omega_BN_B: ArrayLike, R_ND: ArrayLike | None = None, *,
               max_solve_time_s: float | None = None,
@@ -135,15 +121,14 @@ class AttitudeMpc:
 
         """
         begin = time.perf_counter()
-        self._deadline_s = (math.inf if max_solve_time_s is None
-                            else time.monotonic() + max_solve_time_s)
+        deadline_s = math.inf if max_solve_time_s is None else time.monotonic() + max_solve_time_s
         if self.config.cones:
             self._set_directions(directions(self.config.cones, directions_N, self.config.horizon))
         state = self._set_state(R_NB, omega_BN_B, R_ND)
         if state is None:
             self.reset()
             return self._failed(R_NB, omega_BN_B, time.perf_counter() - begin)
-        plan, passes, searched = self._find_plan(state)
+        plan, passes, searched = self._finder.find(state, deadline_s)
         return self._answer(plan, passes, searched, begin)
 
     def solve_local(self, R_NB: ArrayLike, omega_BN_B: ArrayLike) -> AttitudeMpcSolution:
@@ -152,10 +137,9 @@ class AttitudeMpc:
         This is a part of `solve`, for measuring; it may be far from the best plan.
         """
         begin = time.perf_counter()
-        self._deadline_s, self._inside = math.inf, True
         if self._set_state(R_NB, omega_BN_B, None) is None:
             return self._failed(R_NB, omega_BN_B, time.perf_counter() - begin)
-        plan, passes = search.global_search(self._strict, self._starts[:1], self._spare[2:])
+        plan, passes = self._finder.first_start()
         return self._answer(plan, passes, False, begin)
 
     def _set_state(self, R_NB: ArrayLike, omega_BN_B: ArrayLike, R_ND: ArrayLike | None
@@ -195,81 +179,17 @@ class AttitudeMpc:
             self.reset()
         self._R_ND = target if target is _IDENTITY else target.copy()
 
-    def _find_plan(self, state: StateReport) -> tuple[Plan | None, int, bool]:
-        """Return the plan, the passes used, and whether the global search ran.
-
-        First with the terminal set; when that cannot be reached, without it. From outside D_N
-        the set is tried again at every tick, from the shifted plan only.
-        """
-        was_inside, passes, searched = self._inside, 0, False
-        near = state.angle_rad < SEARCH_ANGLE_RAD
-        if self._value_bound is not None:
-            plan, passes = self._improve(self._strict)
-            if plan is not None and self._reaches_set(plan) and (
-                    near or not was_inside or self._keeps_value_bound(plan)):
-                self._inside = True
-                return plan, passes, False
-        if self._value_bound is None or was_inside:
-            plan, more = self._search(self._strict, state)
-            passes, searched = passes + more, True
-            if self._relaxed is self._strict or (plan is not None and self._reaches_set(plan)):
-                self._inside = True
-                return plan, passes, True
-        self._inside = False
-        if self._value_bound is not None:
-            plan, more = self._improve(self._relaxed)
-            passes += more
-            if plan is not None and (near or self._keeps_value_bound(plan)):
-                return plan, passes, searched
-        plan, more = self._search(self._relaxed, state)
-        return plan, passes + more, True
-
-    def _improve(self, solver: LocalSolver) -> tuple[Plan | None, int]:
-        """Return the plan that the shifted one leads to, or None; and the passes it took."""
-        passes = solver.improve(self._plan, self._deadline_s)
-        if passes < 0:
-            return None, -passes
-        solver.keep(self._spare[0])
-        return self._spare[0], passes
-
-    def _search(self, solver: LocalSolver, state: StateReport
-                ) -> tuple[Plan | None, int]:
-        """Return the best of the global search and the shifted plan, and the passes it took."""
-        pointing = solver.structure.pointing
-        due = [start for start in self._starts if search.is_due(start, state, pointing)]
-        best, passes = search.global_search(solver, due, self._spare[2:], self._deadline_s)
-        if best is not None and self._value_bound is not None:
-            solver.begin_shift(SHIFTED_BARRIER, self._plan)
-            shifted = self._spare[1]
-            solver.keep(shifted)
-            if shifted.progress.cost < best.progress.cost:
-                best = shifted
-        return best, passes
-
-    def _reaches_set(self, plan: Plan) -> bool:
-        """Return whether a plan ends in the terminal set."""
-        return self._strict.report(plan).terminal_violation <= VIOLATION
-
-    def _keeps_value_bound(self, plan: Plan) -> bool:
-        """Return whether a plan's value (with penalties) is within the bound of the last plan."""
-        assert self._value_bound is not None
-        bound = self._value_bound + VALUE_SLACK * max(abs(self._value_bound), LEAST_VALUE)
-        return plan.progress.cost <= bound
-
     def _answer(self, plan: Plan | None, passes: int, searched: bool, begin: float
                 ) -> AttitudeMpcSolution:
         """Keep a plan for the next tick and return it in SI units."""
         if plan is None:
             self.reset()
             return self._failed(self._R_NB, self._omega, time.perf_counter() - begin)
-        place = self._spare.index(plan)
-        self._plan, self._spare[place] = plan, self._plan
         report, unit = self._strict.report(plan), self._unit
-        self._value_bound = plan.progress.cost - report.first_cost
+        self._finder.keep(plan, report.first_cost)
         cost = plan.progress.cost - report.penalties
         torques, poses = plan.torques * unit.torque_n_m, self._strict.poses()
-        violation = max(report.violation,
-                        report.terminal_violation if self._inside else report.last_level - 1)
+        violation = max(report.violation, self._finder.missed(report))
         return AttitudeMpcSolution(
             torque_B_n_m=torques[0].copy(), torques_B_n_m=torques,
             R_NB=poses[:, :9].reshape(-1, 3, 3), omega_BN_B=poses[:, 9:] * unit.rate_rad_s,
@@ -285,7 +205,7 @@ class AttitudeMpc:
 
     def _status(self, plan: Plan, violation: float) -> SolveStatus:
         """Return how a solve ended."""
-        if violation > VIOLATION or not self._inside:
+        if violation > VIOLATION or not self._finder.inside:
             return SolveStatus.INFEASIBLE
         return SolveStatus.CONVERGED if plan.progress.converged else SolveStatus.FEASIBLE
 

@@ -102,6 +102,14 @@ class Plan:
         return _copied(self._torque, self.horizon - 1)
 
 
+    def delay(self, plan: Plan) -> None:
+        """Take a plan with every stage one later: shifted, it begins where that plan does."""
+        rows = layout_of(self.structure).rows(Memory.TRAJECTORY)
+        mine, other = (each.memory.reshape(-1, rows, self._lanes).transpose(0, 2, 1)
+                       for each in (self, plan))
+        mine[:] = np.roll(other.reshape(-1, rows), 1, axis=0).reshape(mine.shape)
+
+
 def _aligned(size: int) -> Array:
     """Return zeros that begin at a multiple of the alignment."""
     raw = np.zeros(size + _ALIGNMENT // 8)

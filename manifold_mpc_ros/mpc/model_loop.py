@@ -9,14 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from manifold_mpc_ros.mpc.attitude_mpc import (
+from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
+from manifold_mpc_ros.mpc.library import Course, LoopRecord
+from manifold_mpc_ros.mpc.plan_finder import (
     LEAST_VALUE,
     SEARCH_ANGLE_RAD,
     VALUE_SLACK,
     VIOLATION,
-    AttitudeMpc,
 )
-from manifold_mpc_ros.mpc.library import Course, LoopRecord
 from manifold_mpc_ros.mpc.scaling import Array
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 
@@ -91,11 +91,12 @@ class LoopingMpc(AttitudeMpc):
 
     def _follow(self, record: LoopRecord, tick: int) -> int:
         """Run the ticks that need no search; return the first that does."""
-        if not self._inside or self._value_bound is None:
+        finder = self._finder
+        if not finder.inside or finder.value_bound is None:
             return tick
         course = Course(near_rad=SEARCH_ANGLE_RAD, violation=VIOLATION, value_slack=VALUE_SLACK,
-                        least_value=LEAST_VALUE, value_bound=self._value_bound,
+                        least_value=LEAST_VALUE, value_bound=finder.value_bound,
                         ticks=len(record.costs))
-        tick = self._strict.follow(self._plan, course, record, tick)
-        self._value_bound = float(course.value_bound)
+        tick = self._strict.follow(finder.plan, course, record, tick)
+        finder.value_bound = float(course.value_bound)
         return tick

@@ -24,18 +24,22 @@ from manifold_mpc_ros.terminal.manifold import tangent_basis
 
 # Barrier parameter of a cold start (dimensionless, against a cost of order 10).
 COLD_BARRIER = 1.0
-# Passes of the first start at most, and of the others, which end after HOPELESS_PASSES when their
-# cost is still above HOPELESS times the best: winners are near it by then (test_global.py).
+# Passes of a start at most. Every start but the first ends after HOPELESS_PASSES when its cost is
+# still above HOPELESS times the best: winners are near it by then (benchmarks/bodies.py).
 MOST_PASSES = 200
-OTHER_PASSES = 60
 HOPELESS_PASSES = 25
-HOPELESS = 1.1
-# Steps for which a leaning start holds its octant.
+HOPELESS = 2.0
+# A leaning start holds its octant for this part of the bang-bang slew, and no fewer steps.
+LEAN_PART = 0.25
 LEAN_STEPS = 5
 # The long way round can win when the angle left to turn and to stop is above this [rad].
 LONG_WAY_RAD = np.radians(130.0)
 # A pointing turn leans above this.
 POINTING_RAD = np.radians(100.0)
+# Any other leans above this when its slew is all but one torque component, or takes many steps.
+LEAN_RAD = np.radians(80.0)
+ALONE = 0.1
+MANY_STEPS = 25.0
 # Plans whose costs agree to this are equal; the rule then decides.
 TIE = 1e-7
 
@@ -74,14 +78,27 @@ def starts(config: AttitudeMpcConfig) -> tuple[Start, ...]:
                               for x, y, z in (first, -first, second, -second))
 
 
-def is_due(start: Start, state: StateReport, pointing: bool) -> bool:
+def slew_steps(config: AttitudeMpcConfig, state: StateReport) -> float:
+    """Return how many steps a bang-bang slew takes, by torque limits alone: ``2 sqrt(angle / a)``.
+
+    ``a`` is the acceleration about the axis of the turn; 0 without torque limits.
+    """
+    if config.max_torque_n_m is None:
+        return 0.0
+    quickest = float(np.max(config.max_torque_n_m / np.diag(config.inertia_kg_m2)))
+    turn = state.angle_rad + state.braking_rad
+    return 2 * math.sqrt(turn * state.weakness / quickest) / config.step_s
+
+
+def is_due(start: Start, state: StateReport, steps: float, pointing: bool) -> bool:
     """Return whether a start can lead to the best plan from a state.
 
     The short way always can; the long way only when enough is left to turn. Out of the plane it
     is better where the slew's own torque is nearly a single component, so that the other two can
-    help, the more so the weaker that component is against what they can do; and anywhere beside
-    the half turn for a body that is much quicker about another axis. Found by comparison with all
-    starts on random and half turns (docs/solver.md), not proved.
+    help, the more so the weaker that component is against what they can do; anywhere beside the
+    half turn for a body that is much quicker about another axis; and in any long turn whose slew
+    is all but one component, or takes so many ``steps`` that the plan can shape it. Found by
+    comparison with all starts on random and half turns (docs/solver.md), not proved.
     """
     turn = state.angle_rad + state.braking_rad
     if not start.leans:
@@ -90,37 +107,41 @@ def is_due(start: Start, state: StateReport, pointing: bool) -> bool:
         return turn > POINTING_RAD
     beside = np.pi - turn
     alone = state.second_torque < 0.25 and beside < 0.05 + 0.17 * (state.weakness - 1.0)
-    return alone or (beside < 0.035 and state.weakness > 2.0)
+    helped = turn > LEAN_RAD and (
+        state.second_torque < ALONE or steps > MANY_STEPS)
+    return alone or helped or (beside < 0.035 and state.weakness > 2.0)
 
 
-def lean_steps(horizon: int) -> int:
-    """Return for how many steps a leaning start holds its octant."""
-    return max(1, min(LEAN_STEPS, horizon // 2))
+def lean_steps(horizon: int, steps: float) -> int:
+    """Return for how many steps a leaning start of a slew of ``steps`` holds its octant."""
+    return max(1, min(max(LEAN_STEPS, round(LEAN_PART * steps)), horizon // 2))
 
 
-def begin(solver: LocalSolver, start: Start) -> None:
-    """Begin a cold start."""
+def begin(solver: LocalSolver, start: Start, steps: float) -> None:
+    """Begin a cold start of a slew of so many steps."""
     if start.long_way:
         solver.flip()
-    solver.begin_slew(COLD_BARRIER, np.array(start.lean), lean_steps(solver.horizon))
+    solver.begin_slew(COLD_BARRIER, np.array(start.lean), lean_steps(solver.horizon, steps))
     if start.long_way:
         solver.flip()
 
 
-def global_search(solver: LocalSolver, field: Sequence[Start], pool: list[Plan],
-                  deadline_s: float = math.inf) -> tuple[Plan | None, int]:
+def global_search(solver: LocalSolver, field: Sequence[Start], steps: float, pool: list[Plan],
+                  deadline_s: float = math.inf, *, patient: bool = False
+                  ) -> tuple[Plan | None, int]:
     """Return the best plan from the solver's state, and the passes it took in all.
 
-    ``pool`` holds at least one plan per start as memory. None when no start gave a plan. After
-    the deadline no further start begins.
+    ``steps`` is the length of the slew; ``pool`` holds at least one plan per start as memory.
+    None when no start gave a plan. After the deadline no further start begins. ``patient``: no
+    start ends for its cost.
     """
     passes = 0
     finalists: list[Plan] = []
     for start, slot in zip(field, pool):
         if finalists and time.monotonic() > deadline_s:
             break
-        begin(solver, start)
-        progress = _run(solver, finalists, deadline_s)
+        begin(solver, start, steps)
+        progress = _run(solver, [] if patient else finalists, deadline_s)
         passes += progress.passes
         if progress.passes > 0 and math.isfinite(progress.cost):
             solver.keep(slot)
@@ -136,7 +157,7 @@ def _run(solver: LocalSolver, finalists: list[Plan], deadline_s: float) -> Progr
     solver.iterate(HOPELESS_PASSES, deadline_s)
     best = min(plan.progress.cost for plan in finalists)
     if solver.progress.cost <= HOPELESS * best:
-        solver.iterate(OTHER_PASSES, deadline_s)
+        solver.iterate(MOST_PASSES, deadline_s)
     return solver.progress
 
 

@@ -18,8 +18,8 @@ import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.mpc import search
-from manifold_mpc_ros.mpc.attitude_mpc import VIOLATION
 from manifold_mpc_ros.mpc.backends.build import load_solver
+from manifold_mpc_ros.mpc.plan_finder import VIOLATION
 from manifold_mpc_ros.mpc.program import options
 from manifold_mpc_ros.mpc.program.numbers import numbers_of
 from manifold_mpc_ros.mpc.scaling import Array, scaling_of
@@ -36,7 +36,7 @@ class Feasibility:
     def __init__(self, config: AttitudeMpcConfig, terminal: TerminalDesign, *,
                  backend: str = 'auto', cache_dir: str | Path | None = None) -> None:
         """Build or load the solver; raises SolverBuildError as :class:`AttitudeMpc` does."""
-        config = replace(config, terminal_constraint=True)
+        config = self._config = replace(config, terminal_constraint=True)
         structure = structure_of(config)
         make, self.backend = load_solver(structure, config.horizon, backend, cache_dir)
         self._solver = make(numbers_of(config, terminal, terminal.c))
@@ -50,9 +50,10 @@ class Feasibility:
 
         The torques steer it into the terminal set within all limits.
         """
-        self._solver.set_state(R_NB, np.eye(3), omega_BN_B * self._unit.time_s)
+        state = self._solver.set_state(R_NB, np.eye(3), omega_BN_B * self._unit.time_s)
+        steps = search.slew_steps(self._config, state)
         for start in self._starts:
-            search.begin(self._solver, start)
+            search.begin(self._solver, start, steps)
             while not self._is_feasible():
                 progress = self._solver.progress
                 if progress.flag != options.RUNNING or progress.passes >= search.MOST_PASSES:
@@ -65,7 +66,7 @@ class Feasibility:
     def terminal_ratio(self, R_NB: Array, omega_BN_B: Array) -> float:
         """Return ``xi^T P xi / c`` of a state, at most 1 in X_T = D_0."""
         self._solver.set_state(R_NB, np.eye(3), omega_BN_B * self._unit.time_s)
-        search.begin(self._solver, self._starts[0])
+        search.begin(self._solver, self._starts[0], 0.0)
         self._solver.keep(self._plan)
         return self._solver.report(self._plan).first_level
 

@@ -1,0 +1,61 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The search on other bodies and long horizons; `benchmarks/bodies.py` is the thorough form."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
+from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
+
+# Moments of inertia [kg m^2], torque [N m], rates [rad/s], step [s].
+HUBBLE = ((31046.0, 77217.0, 78754.0), 1.2, np.radians((0.5, 0.2, 0.2)), 10.0)
+CUBESAT = ((0.035, 0.035, 0.007), 1e-4, 0.05, 0.5)
+SMALL = ((0.02 / 3, 0.1256 / 3, 0.1256 / 3), 1e-3, 0.1, 0.125)
+
+
+def controller(body: tuple[tuple[float, ...], float, object, float], horizon: int, *,
+               accuracy_rad: float = np.radians(1.0), damping: float = 1.0) -> AttitudeMpc:
+    """Return a controller nearly as quick as torque allows: full torque costs one degree."""
+    inertia, torque, rate, step_s = body
+    return AttitudeMpc(AttitudeMpcConfig(
+        inertia_kg_m2=np.diag(inertia), step_s=step_s, horizon=horizon,
+        attitude_weight=np.eye(3), max_torque_n_m=torque, max_rate_rad_s=rate,
+        rate_weight=damping * accuracy_rad * np.mean(inertia) / torque * np.eye(3),
+        torque_weight=(accuracy_rad / torque) ** 2 * np.eye(3)))
+
+
+def turned(mpc: AttitudeMpc, axis: str, angle_deg: float) -> AttitudeMpcSolution:
+    """Solve for a body at rest, cold."""
+    mpc.reset()
+    vector = np.radians(angle_deg) * np.eye(3)['xyz'.index(axis)]
+    return mpc.solve(so3.exp(vector), np.zeros(3))
+
+
+@pytest.mark.parametrize(('body', 'axis', 'horizons'), [
+    (HUBBLE, 'z', (100, 120, 200)), (CUBESAT, 'x', (200, 300, 500)), (CUBESAT, 'z', (300, 500))])
+def test_a_longer_horizon_never_costs_more_and_the_value_is_continuous(
+        body: tuple[tuple[float, ...], float, object, float], axis: str,
+        horizons: tuple[int, ...]) -> None:
+    costs = []
+    for horizon in horizons:
+        mpc = controller(body, horizon)
+        at, beside = turned(mpc, axis, 180.0), turned(mpc, axis, 179.7)
+        assert {at.status, beside.status} == {SolveStatus.CONVERGED}
+        assert beside.cost == pytest.approx(at.cost, rel=0.02)
+        costs.append(at.cost)
+    assert all(after <= before * (1 + 1e-6)
+               for before, after in itertools.pairwise(costs))
+
+
+def test_a_plan_that_ends_in_the_set_is_not_called_infeasible() -> None:
+    """The starts with the terminal set end before it; those without it end inside."""
+    plan = turned(controller(SMALL, 300, damping=0.3), 'x', 180.0)
+    assert plan.status == SolveStatus.CONVERGED
+    assert plan.violation < 1e-6
