@@ -6,11 +6,12 @@ Between two states k and l, T apart, the attitude turns by F = R_k^T R_l, and th
 exp(w T) with w the mean of omega_BN_B, by the trapezoidal rule over the states between. They
 disagree by r = |log(exp(-w T) F)| / T [rad/s]. A true state may disagree by
 
-    A dt / 4 + |omega| |delta omega| T / 6 + 0.05 |omega| + 2 (e / T + e / h),
+    A dt / 4 + max(0, |delta omega| - A dt) + |omega| |delta omega| T / 6 + 0.05 |omega|
+    + 2 (e / T + e / h),
 
 with A the largest angular acceleration (torque limits, gyroscopic torque), dt the longest time
-between two states, |delta omega| the largest change of the rate and e the declared error of a
-measured attitude. More is a contradiction only where one of `CONVENTIONS`, a linear map of the
+between two states, |delta omega| the largest change of the rate (what A does not explain is noise)
+and e the declared error of a measured attitude. More is a contradiction only where one of `CONVENTIONS`, a linear map of the
 rate, explains the motion four times better: noise, gaps, late messages and a frozen sensor do not
 find one that fits again and again. Pure logic: states in, a sentence out.
 """
@@ -33,8 +34,10 @@ from manifold_mpc_ros.lie import so3
 
 #: So many contradictions by the same convention, less the comparisons between that agree, latch.
 MOST_CONTRADICTIONS = 4
-#: Comparisons before the first torque, where states come by a clock.
-FIRST_COMPARISONS = 3
+#: Comparisons before the first torque by a clock (in lockstep one), unless the body is at rest;
+#: and before a contradiction is believed that is no larger than noise of a poor sensor [rad], or
+#: that permuted axes explain.
+FIRST_COMPARISONS, POOR_SENSOR_RAD = 3, 0.1
 #: A convention explains a motion if it leaves at most this part of the disagreement.
 EXPLAINED = 0.25
 #: A disagreement has to be so many times what the best convention leaves, in the median of so
@@ -42,6 +45,8 @@ EXPLAINED = 0.25
 NOISE_FACTOR, NOISE_COMPARISONS = 6.0, 5
 #: States are compared over this part of a control step, and over no less than this [s].
 COMPARED_STEPS, SHORTEST_COMPARED_S = 0.18, 0.09
+#: At rest is what turns slower than this part of what one step of torque may change.
+REST_PART = 0.1
 #: Part of the rate that may be wrong: scale factors, jitter of stamps.
 RATE_PART = 0.05
 #: Beyond this nothing is said about a motion [rad/s], [steps].
@@ -80,7 +85,7 @@ def _permutations() -> list[Convention]:
 
 
 #: What a state may mean, the documented meaning first, then the likelier ones first.
-CONVENTIONS = (
+_LIKELY = (
     Convention('as documented', np.eye(3)),
     Convention('the rate is in the inertial (parent) frame', np.eye(3), inertial=True),
     Convention('the rate is in deg/s', _DEGREE * np.eye(3)),
@@ -89,8 +94,8 @@ CONVENTIONS = (
     Convention('the quaternion is inverse (inertial to body)', -np.eye(3), inertial=True),
     Convention('the rate is in deg/s and in the inertial (parent) frame', _DEGREE * np.eye(3),
                inertial=True),
-    *_permutations(),
 )
+CONVENTIONS = (*_LIKELY, *_permutations())
 _MATRICES = np.array([each.matrix for each in CONVENTIONS])
 #: The row of `_Window.turns` that each reads.
 _INERTIAL = np.array([int(each.inertial) for each in CONVENTIONS])
@@ -103,8 +108,8 @@ class MotionBounds:
 
     ``acceleration_rad_s2`` is the largest angular acceleration by the torque limits, infinite
     without; the gyroscopic one is at most ``gyroscopic`` times |omega|^2. ``noise_rad`` is the
-    declared error of a measured attitude, and of the rate in one step of ``step_s``. With
-    ``first_comparisons`` nothing is acted on before so many.
+    declared error of a measured attitude, and of the rate in one step of ``step_s``. A body that
+    is not at rest is not acted on before ``first_comparisons``.
     """
 
     acceleration_rad_s2: float
@@ -123,7 +128,13 @@ class MotionBounds:
             np.linalg.norm(np.linalg.solve(J, (corners * limit).T), axis=0).max())
         return cls(acceleration, 0.5 * float(moments[2] / moments[0] - 1.0),
                    config.attitude_noise_rad, config.mpc.step_s,
-                   0 if config.lockstep else FIRST_COMPARISONS)
+                   1 if config.lockstep else FIRST_COMPARISONS)
+
+    def at_rest(self, sample: StateSample) -> bool:
+        """Return whether a state is at rest, which it is in every convention."""
+        change = 0.0 if math.isinf(self.acceleration_rad_s2) else (
+            self.acceleration_rad_s2 * self.step_s)
+        return float(np.linalg.norm(sample.omega_BN_B)) <= REST_PART * change
 
     @property
     def compared_s(self) -> tuple[float, float]:
@@ -134,11 +145,11 @@ class MotionBounds:
     def allowed(self, seen: _Window, elapsed_s: float) -> FloatArray:
         """Return how far a true state may disagree, by convention [rad/s]."""
         fastest, change = _SCALES * seen.fastest, _SCALES * seen.change
-        accelerated = 0.5 * change if math.isinf(self.acceleration_rad_s2) else (
-            0.25 * self.acceleration_rad_s2 * seen.longest_s)
-        gyroscopic = 0.25 * self.gyroscopic * fastest ** 2 * seen.longest_s
+        possible = (self.acceleration_rad_s2 + self.gyroscopic * fastest ** 2) * seen.longest_s
+        accelerated = np.where(np.isfinite(possible), 0.25 * possible, 0.5 * change)
         return np.asarray(
-            accelerated + gyroscopic + fastest * change * elapsed_s / 6.0 + RATE_PART * fastest
+            accelerated + np.maximum(0.0, change - possible)
+            + fastest * change * elapsed_s / 6.0 + RATE_PART * fastest
             + 2.0 * self.noise_rad * (1.0 / elapsed_s + 1.0 / self.step_s))
 
 
@@ -187,26 +198,31 @@ class ConsistencyCheck:
     def forget(self) -> None:
         """Forget every state, as at the start."""
         self._window: _Window | None = None
-        self._count = self._compared = 0
+        self._count = self._compared = self._needed = 0
         self._agreeing = np.zeros(len(CONVENTIONS), dtype=np.bool_)
         self._squares = np.zeros(len(CONVENTIONS))
         self._unexplained_rad: deque[float] = deque(maxlen=NOISE_COMPARISONS)
-        self._sentence = ''
+        self._sentence, self._large = '', False
 
     @property
     def is_ready(self) -> bool:
-        """Whether enough states have been compared to act on them."""
-        return self.bounds is None or self._compared >= self.bounds.first_comparisons
+        """Whether enough states have been compared to act, or to say that they contradict."""
+        return self._compared >= self._needed and (self._count == 0 or self._is_sure)
+
+    @property
+    def _is_sure(self) -> bool:
+        """Whether a contradiction is more than noise."""
+        return self._large or len(self._unexplained_rad) >= FIRST_COMPARISONS
 
     @property
     def contradiction(self) -> str:
         """What contradicts, and what convention would agree; '' while nothing does."""
-        return self._sentence if self._count and self.is_ready else ''
+        return self._sentence if self._count and self._is_sure else ''
 
     @property
     def is_latched(self) -> bool:
         """Whether the states have contradicted themselves for too long."""
-        return self._count >= MOST_CONTRADICTIONS and self.is_ready
+        return self._count >= MOST_CONTRADICTIONS
 
     def observe(self, sample: StateSample) -> None:
         """Take the next state; one that is earlier than the last begins anew."""
@@ -214,6 +230,8 @@ class ConsistencyCheck:
             self._window = None
             return
         window = self._window
+        if window is None and not self._compared and not self.bounds.at_rest(sample):
+            self._needed = self.bounds.first_comparisons
         if window is not None and sample.stamp_ns > window.last.stamp_ns:
             window.add(sample)
             shortest_s, longest_s = self.bounds.compared_s
@@ -237,18 +255,20 @@ class ConsistencyCheck:
         explaining = (angles[0] > least) & (angles <= EXPLAINED * np.minimum(
             angles[0], np.linalg.norm(turns, axis=-1)))
         if explaining.any():
-            self._contradict(explaining, angles / elapsed_s)
+            self._contradict(explaining, angles, elapsed_s)
         else:
             self._count = max(0, self._count - 1)
 
-    def _contradict(self, explaining: BoolArray, residuals: FloatArray) -> None:
+    def _contradict(self, explaining: BoolArray, angles: FloatArray, elapsed_s: float) -> None:
         """Count a contradiction, anew where no convention explains all of them."""
+        residuals = angles / elapsed_s
         again = self._count > 0 and bool((explaining & self._agreeing).any())
         self._count = self._count + 1 if again else 1
         self._agreeing = explaining & self._agreeing if again else explaining
         self._squares = residuals ** 2 + (self._squares if again else 0.0)
         best = float(self._squares[self._agreeing].min())
         likeliest = int(np.argmax(self._agreeing & (self._squares <= 4.0 * best + 1e-12)))
+        self._large = float(angles[0]) > POOR_SENSOR_RAD and likeliest < len(_LIKELY)
         self._sentence = (
             f'attitude and rate contradict each other by {residuals[0]:.3g} rad/s; they would '
             f'agree if {CONVENTIONS[likeliest].words}')

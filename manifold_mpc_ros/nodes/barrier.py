@@ -37,6 +37,11 @@ class Barrier:
             self._log(f'error in {self.latest}')
         self._latest_s[where] = now_s
 
+    def values(self) -> dict[str, object]:
+        """Return how many errors were caught, and the latest, as diagnostics name them."""
+        count = {'exceptions': sum(self.counts.values())}
+        return {**count, **({'exception_latest': self.latest} if self.latest else {})}
+
     def guarded(self, where: str, callback: Callable[..., Any]) -> Callable[..., Any]:
         """Return a callback that lets no error out, and returns None instead."""
         @functools.wraps(callback)

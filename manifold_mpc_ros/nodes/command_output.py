@@ -4,6 +4,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.duration import Duration
 
 from manifold_mpc_ros.config.conventions import Vector
@@ -16,7 +19,7 @@ from manifold_mpc_ros.config.description_file import (
 from manifold_mpc_ros.config.interfaces import message_class
 from manifold_mpc_ros.control.actuator import Actuation
 from manifold_mpc_ros.control.described_command import CommandWriter
-from manifold_mpc_ros.nodes.managed_node import ManagedNode
+from manifold_mpc_ros.nodes.managed_node import ManagedNode, Status
 
 
 class CommandOutput:
@@ -51,6 +54,7 @@ class CommandOutput:
             writer.check(kind())
         self._outputs = [_Output(node, writer, kind)
                          for writer, kind in zip(writers, kinds, strict=True)]
+        self._others: list[str] = []
 
     def close(self) -> None:
         """Publish no more."""
@@ -61,6 +65,21 @@ class CommandOutput:
         """Publish a command with the stamp of the state that it answers [ns]."""
         for output in self._outputs:
             output.send(stamp_ns, actuation)
+
+    def name_others(self, status: Status) -> None:
+        """Add to a status who else publishes commands; the log has each change once."""
+        topics = [output.publisher.topic_name for output in self._outputs]
+        ours = [f'{self._node.get_fully_qualified_name()} on {topic}' for topic in topics]
+        named = [f'{info.node_namespace.rstrip("/")}/{info.node_name} on {topic}'
+                 for topic in topics if self._node.count_publishers(topic) > 1
+                 for info in self._node.get_publishers_info_by_topic(topic)]
+        others = sorted((Counter(named) - Counter(ours)).elements())
+        if others:
+            status.level = max(status.level, DiagnosticStatus.WARN)
+            status.values['other_publishers'] = ', '.join(others)
+        if others and others != self._others:
+            self._node.get_logger().warning(f'commands come from {", ".join(others)} too')
+        self._others = others
 
     def wait_until_read(self, longest_s: float) -> None:
         """Wait until reliable readers have every command, at most so long [s]."""

@@ -28,6 +28,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from manifold_mpc_ros.config.parameter import Value
 from manifold_mpc_ros.control.input_gate import RefusalLog
+from manifold_mpc_ros.control.mode_log import ModeLog
 from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.nodes.barrier import Barrier
 from manifold_mpc_ros.nodes.bond import Bond
@@ -87,6 +88,7 @@ class ManagedNode(LifecycleNode):
         self._built = False
         self.active = False
         self.refusals = RefusalLog()
+        self._mode_log = ModeLog(self.get_logger(), self.refusals, 'INACTIVE')
         self.barrier = Barrier(self.get_logger().error)
         self.qos_conflicts: dict[str, tuple[str, int]] = {}
         self._failure = ''
@@ -218,12 +220,14 @@ class ManagedNode(LifecycleNode):
         self.take_down()
         self._built = False
         self._table.changeable = True
+        self.get_logger().info('cleaned up')
         return super().on_cleanup(state)
 
     @noted
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Cease to act for good."""
         self._cease()
+        self.get_logger().info('shut down')
         return super().on_shutdown(state)
 
     def _cease(self) -> None:
@@ -238,11 +242,17 @@ class ManagedNode(LifecycleNode):
         if self.active:
             self.say(self.status())
         elif self._failure:
-            self.say(Status(DiagnosticStatus.ERROR, self._failure, {'mode': 'UNCONFIGURED'}))
+            self._report(Status(DiagnosticStatus.ERROR, self._failure, {'mode': 'UNCONFIGURED'}))
         else:
             self.say(Status(DiagnosticStatus.OK, 'not active', {'mode': 'INACTIVE'}))
 
     def say(self, status: Status) -> None:
+        """Publish a status; the log has what is new about it."""
+        self._mode_log.note(
+            str(status.values['mode']), ord(status.level), status.message, time.monotonic())
+        self._report(status)
+
+    def _report(self, status: Status) -> None:
         """Publish a status with the counters of everything refused."""
         self._add_counters(status)
         status.values |= self._bond.values()
@@ -252,13 +262,7 @@ class ManagedNode(LifecycleNode):
 
     def _add_counters(self, status: Status) -> None:
         """Add everything that was refused, caught, or kept apart by its QoS."""
-        for key, count in sorted(self.refusals.counts.items()):
-            status.values[f'refused.{key}'] = count
-        if self.refusals.latest:
-            status.values['refused_latest'] = self.refusals.latest
-        status.values['exceptions'] = sum(self.barrier.counts.values())
-        if self.barrier.latest:
-            status.values['exception_latest'] = self.barrier.latest
+        status.values |= {**self.refusals.values(), **self.barrier.values()}
         for topic, (policy, count) in self.qos_conflicts.items():
             status.values[f'incompatible_qos.{topic}'] = policy
             status.values[f'incompatible_qos_ends.{topic}'] = count
@@ -276,10 +280,8 @@ class ManagedNode(LifecycleNode):
         self, request: SetBool.Request, response: SetBool.Response,
     ) -> SetBool.Response:
         """Answer ``~/pause``."""
-        response.success = self.active
+        response.success, response.message = self.active, 'not active'
         if self.active:
             self.pause(paused=request.data)
             response.message = 'paused' if request.data else 'running'
-        else:
-            response.message = 'not active'
         return response

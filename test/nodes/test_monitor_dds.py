@@ -76,7 +76,7 @@ def test_the_nominal_body_keeps_every_promise_to_the_end(rig: Rig) -> None:
             assert float(values['decrease_excess']) == pytest.approx(
                 excess, abs=1e-4 * max(ROUNDING, float(values['value_function'])))
     assert ticks[max(ticks)][2]['in_terminal_set'] == 'true'
-    assert 'WARN' not in process.log
+    assert not re.search(r'tick \d+: ', process.log)
 
 
 @pytest.mark.parametrize('plant', [
@@ -145,7 +145,8 @@ def test_what_the_operator_does_breaks_no_promise(rig: Rig) -> None:
             SetBool, '/attitude_controller/pause', SetBool.Request(data=paused)).success
         rig.until(lambda: seen('paused by the operator'), 'a pause')
     assert rig.call(Trigger, '/attitude_controller/reset', Trigger.Request()).success
-    rig.until(lambda: seen('reset'), 'a reset')
+    rig.until(lambda: seen('reset') or seen('comparing attitude and rate of the first states'),
+              'a reset')
     assert count(diagnostics, 'promises_broken') == 0
 
 

@@ -149,6 +149,7 @@ class AttitudeControllerNode(ManagedNode):
     def status(self) -> Status:
         """Say the mode, where the torque comes from, how the solver and the ticks do."""
         status = status_of(self._command, self._loop, self._waiting())
+        self._output.name_others(status)
         status.values.update(
             ticks=self._ticks, setpoints=self._setpoints, backend=self._law.backend,
             **self._changes.values(),
