@@ -10,10 +10,11 @@ disagree by r = |log(exp(-w T) F)| / T [rad/s]. A true state may disagree by
     + 2 (e / T + e / h),
 
 with A the largest angular acceleration (torque limits, gyroscopic torque), dt the longest time
-between two states, |delta omega| the largest change of the rate (what A does not explain is noise)
-and e the declared error of a measured attitude. More is a contradiction only where one of `CONVENTIONS`, a linear map of the
-rate, explains the motion four times better: noise, gaps, late messages and a frozen sensor do not
-find one that fits again and again. Pure logic: states in, a sentence out.
+between two states, |delta omega| the largest change of the rate (what A does not explain is
+noise) and e the declared error of a measured attitude. More is a contradiction only where one of
+`CONVENTIONS`, a linear map of the rate, explains the motion four times better: noise, gaps, late
+messages and a frozen sensor do not find one that fits again and again. Pure logic: states in, a
+sentence out.
 """
 
 from __future__ import annotations
