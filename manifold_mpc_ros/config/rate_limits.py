@@ -44,6 +44,10 @@ class RateLimit(ABC):
         """The largest |omega|; axes without a limit do not count."""
 
     @abstractmethod
+    def rate_about(self, axis_B: FloatArray) -> float:
+        """Return the largest rate about a unit axis (3,) [rad/s]."""
+
+    @abstractmethod
     def largest_momentum_n_m_s(self, inertia_kg_m2: FloatArray) -> float:
         """Return the largest |J omega|; axes without a limit do not count."""
 
@@ -74,6 +78,10 @@ class RateBox(RateLimit):
     def largest_rate_rad_s(self) -> float:
         """The distance of a corner."""
         return float(np.linalg.norm(self.max_rate_rad_s[self._limited]))
+
+    def rate_about(self, axis_B: FloatArray) -> float:
+        """Return the rate at which the first axis is at its limit."""
+        return 1.0 / float(np.max(np.abs(axis_B) / self.max_rate_rad_s))
 
     def largest_momentum_n_m_s(self, inertia_kg_m2: FloatArray) -> float:
         """Return |J omega| of the worst corner."""
@@ -108,6 +116,10 @@ class RateEllipsoid(RateLimit):
     def largest_rate_rad_s(self) -> float:
         """The longest half axis, ``lambda_min(E)^(-1/2)``."""
         return float(np.linalg.eigvalsh(self.E_s2)[0]) ** -0.5
+
+    def rate_about(self, axis_B: FloatArray) -> float:
+        """Return ``(a^T E a)^(-1/2)``."""
+        return float(axis_B @ self.E_s2 @ axis_B) ** -0.5
 
     def largest_momentum_n_m_s(self, inertia_kg_m2: FloatArray) -> float:
         """Return ``lambda_max(J E^-1 J)^(1/2)``."""

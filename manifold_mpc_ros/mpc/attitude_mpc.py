@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from manifold_mpc_ros.config.cones import directions
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.mpc.backends.build import load_solver
+from manifold_mpc_ros.mpc.cone_keeper import ConeKeeper
 from manifold_mpc_ros.mpc.local_solver import LocalSolver, Plan, StateReport
 from manifold_mpc_ros.mpc.plan_finder import VIOLATION, PlanFinder
 from manifold_mpc_ros.mpc.program.numbers import numbers_of
@@ -49,7 +49,9 @@ class AttitudeMpc:
     search covers both sides of the 180 degree set and the torque octants; later ticks improve
     the shifted plan, which keeps the side of the turn, and search again only when the plan's
     value exceeds the bound V - L of the last one with more than 90 degrees left to turn,
-    or when it does not converge.
+    or when it does not converge. With cones the search also goes round those that hold its best
+    plan back, and runs again when a cone breaks a plan that kept it. A commanded attitude that a
+    cone forbids is held off: the plan ends as near to it as the cones let it, 'infeasible'.
     """
 
     def __init__(self, config: AttitudeMpcConfig, *, backend: str = 'auto',
@@ -57,8 +59,7 @@ class AttitudeMpc:
                  terminal: TerminalDesign | None = None) -> None:
         """Design the terminal set, then build or load the solver (seconds at the first start).
 
-        ``terminal`` is the design where the caller has it already (it does not depend on the
-        horizon).
+        ``terminal`` is the design where the caller has it already (horizon and cones aside).
 
         Raises
         ------
@@ -79,13 +80,11 @@ class AttitudeMpc:
 
         self._strict = solver_within(self.terminal.c)
         self._relaxed = solver_within(NO_LEVEL) if config.terminal_constraint else self._strict
-        self._finder = PlanFinder(config, self._strict, self._relaxed)
+        self._cones = ConeKeeper(config, self.terminal, self._strict, self._relaxed)
+        self._finder = PlanFinder(config, self._strict, self._relaxed, self._cones)
         inertia = config.inertia_kg_m2 / (self._unit.torque_n_m * self._unit.time_s ** 2)
         self._guard_squared = float(np.linalg.eigvalsh(inertia)[0]) ** 2
         self._R_ND = _IDENTITY
-        self._directions_N = np.zeros(0)
-        if config.cones:
-            self._set_directions(directions(config.cones, None, config.horizon))
 
     def reset(self) -> None:
         """Forget the warm start; the next solve searches globally."""
@@ -122,8 +121,7 @@ class AttitudeMpc:
         """
         begin = time.perf_counter()
         deadline_s = math.inf if max_solve_time_s is None else time.monotonic() + max_solve_time_s
-        if self.config.cones:
-            self._set_directions(directions(self.config.cones, directions_N, self.config.horizon))
+        self._cones.set_directions(directions_N)
         state = self._set_state(R_NB, omega_BN_B, R_ND)
         if state is None:
             self.reset()
@@ -162,22 +160,17 @@ class AttitudeMpc:
             self._aim(target)
         return state
 
-    def _set_directions(self, directions_N: Array) -> None:
-        """Hand the directions of the cones, (N + 1, n, 3), to the solvers."""
-        if np.array_equal(directions_N, self._directions_N):
-            return
-        steps = np.linalg.norm(np.diff(directions_N, axis=0), axis=-1).max(axis=0)
-        self._kept = tuple(each.tightened(self.config.between_samples, moved)
-                           for each, moved in zip(self.config.cones, steps.tolist()))
-        self._directions_N = directions_N
-        for solver in {self._strict, self._relaxed}:
-            solver.set_cones(self._kept, directions_N)
+    @property
+    def target_margins_rad(self) -> dict[str, float]:
+        """By which angle the commanded attitude keeps each cone [rad]; negative: it is missing."""
+        return self._cones.target_margins_rad
 
     def _aim(self, target: Array) -> None:
         """Forget the warm start where the commanded attitude has moved."""
         if error_angle(self.config, target.T @ self._R_ND) > SETPOINT_MOVED_RAD:
             self.reset()
         self._R_ND = target if target is _IDENTITY else target.copy()
+        self._cones.aim(self._R_ND)
 
     def _answer(self, plan: Plan | None, passes: int, searched: bool, begin: float
                 ) -> AttitudeMpcSolution:
@@ -186,7 +179,7 @@ class AttitudeMpc:
             self.reset()
             return self._failed(self._R_NB, self._omega, time.perf_counter() - begin)
         report, unit = self._strict.report(plan), self._unit
-        self._finder.keep(plan, report.first_cost)
+        self._finder.keep(plan, report)
         cost = plan.progress.cost - report.penalties
         torques, poses = plan.torques * unit.torque_n_m, self._strict.poses()
         violation = max(report.violation, self._finder.missed(report))

@@ -16,17 +16,20 @@ from typing import NamedTuple
 import numpy as np
 
 from manifold_mpc_ros.config.cones import Cone
+from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.library import Course, Library, LoopRecord, Solve
 from manifold_mpc_ros.mpc.program import fields as f
 from manifold_mpc_ros.mpc.program import options
 from manifold_mpc_ros.mpc.program.field import Field, Memory
 from manifold_mpc_ros.mpc.program.layout import layout_of
 from manifold_mpc_ros.mpc.program.structure import Structure
-from manifold_mpc_ros.mpc.scaling import Array
+from manifold_mpc_ros.mpc.scaling import TERMINAL_LEVEL, Array
 from manifold_mpc_ros.mpc.stages.cone import cone_numbers
 from manifold_mpc_ros.mpc.stages.inequalities import cone_inequality
 
 _ALIGNMENT = 64
+# A slack below this is one of an inequality that holds the plan back.
+_TOUCHED = 1e-4
 
 
 class Progress(NamedTuple):
@@ -178,15 +181,41 @@ class LocalSolver:
         self._library.set_state(self._address)
         return StateReport(*g[self._state_report:self._state_report + 6].tolist())
 
+    def set_level(self, level: float) -> None:
+        """Set the dimensionless level c of the terminal set."""
+        self._global(f.PARAMETER)[TERMINAL_LEVEL] = level
+
     def set_cones(self, kept: Sequence[Cone], directions_N: Array) -> None:
         """Set the cones that nodes keep, and their directions at every node, (N + 1, n, 3)."""
         cones = cone_inequality(self.structure)
         assert cones is not None
         self._global(cones.data)[:] = cone_numbers(kept)
-        place = _field_of(self._model, self.structure, cones.direction_N, self._library.lanes)
-        flat = directions_N.reshape(self.horizon + 1, -1)
-        rest = len(place) * place.shape[1] - len(flat)
-        place[:] = np.pad(flat, ((0, rest), (0, 0)), 'edge').reshape(place.shape)
+        self._set_nodes(cones.aim, np.tile((1.0, 0.0, 0.0, 0.0), (self.horizon + 1, 1)))
+        self._set_nodes(cones.direction_N, directions_N.reshape(self.horizon + 1, -1))
+
+    def begin_way(self, mu: float, aims: Array) -> None:
+        """Start from the slew law towards what it aims at, stage by stage (N + 1, 4)."""
+        cones = cone_inequality(self.structure)
+        assert cones is not None
+        self._set_nodes(cones.aim, aims)
+        self.begin_slew(mu, np.zeros(3), 0)
+        self._set_nodes(cones.aim, np.tile((1.0, 0.0, 0.0, 0.0), (self.horizon + 1, 1)))
+
+    @property
+    def attitude(self) -> Array:
+        """The attitude R_DB (3, 3) from which plans start."""
+        return so3.rotation_from_quaternion(self._start[:4])
+
+    def touches_cone(self, plan: Plan) -> bool:
+        """Return whether a cone holds a plan back at some node."""
+        cones = cone_inequality(self.structure)
+        return cones is not None and float(plan.field(cones.slack)[1:].min()) < _TOUCHED
+
+    def _set_nodes(self, field: Field, values: Array) -> None:
+        """Write a field of the model at every node (N + 1, size); beyond them the last again."""
+        place = _field_of(self._model, self.structure, field, self._library.lanes)
+        rest = len(place) * place.shape[1] - len(values)
+        place[:] = np.pad(values, ((0, rest), (0, 0)), 'edge').reshape(place.shape)
 
     def flip(self) -> None:
         """Turn the sign of the starting quaternion: the slew goes the other way round."""

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.library import Course, LoopRecord
 from manifold_mpc_ros.mpc.plan_finder import (
+    CONE_ANGLE_RAD,
     LEAST_VALUE,
     SEARCH_ANGLE_RAD,
     VALUE_SLACK,
@@ -94,7 +95,8 @@ class LoopingMpc(AttitudeMpc):
         finder = self._finder
         if not finder.inside or finder.value_bound is None:
             return tick
-        course = Course(near_rad=SEARCH_ANGLE_RAD, violation=VIOLATION, value_slack=VALUE_SLACK,
+        near_rad = CONE_ANGLE_RAD if self.config.cones else SEARCH_ANGLE_RAD
+        course = Course(near_rad=near_rad, violation=VIOLATION, value_slack=VALUE_SLACK,
                         least_value=LEAST_VALUE, value_bound=finder.value_bound,
                         ticks=len(record.costs))
         tick = self._strict.follow(finder.plan, course, record, tick)

@@ -10,7 +10,9 @@ import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.mpc import search
+from manifold_mpc_ros.mpc.cone_keeper import ConeKeeper
 from manifold_mpc_ros.mpc.local_solver import LocalSolver, Plan, Report, StateReport
+from manifold_mpc_ros.mpc.ways import MOST_WAYS
 
 # The shifted plan itself: so near its limits that its cost is what it would be on them.
 SHIFTED_BARRIER = 1e-12
@@ -22,6 +24,8 @@ VIOLATION = 1e-6
 VALUE_SLACK = 1e-2
 LEAST_VALUE = 1e-3
 SEARCH_ANGLE_RAD = np.pi / 2
+# ... or, where a cone holds the plan back, than this.
+CONE_ANGLE_RAD = 0.2
 # Memory for plans: the improved one, the shifted one, the best without the terminal set, that one
 # delayed; then one for each start.
 _IMPROVED, _SHIFTED, _FREE, _DELAYED, _POOL = range(5)
@@ -34,26 +38,29 @@ class PlanFinder:
     Theorem 1, None without a warm start; ``inside`` whether the last plan ended in the set.
     """
 
-    def __init__(self, config: AttitudeMpcConfig, strict: LocalSolver, relaxed: LocalSolver
-                 ) -> None:
+    def __init__(self, config: AttitudeMpcConfig, strict: LocalSolver, relaxed: LocalSolver,
+                 cones: ConeKeeper) -> None:
         """Allocate; the solvers are the same one where there is no terminal set."""
         self._config, self._strict, self._relaxed = config, strict, relaxed
-        self._starts = search.starts(config)
+        self._starts, self._cones = search.starts(config), cones
         self.plan = strict.new_plan()
-        self._spare = [strict.new_plan() for _ in range(_POOL + len(self._starts))]
+        self._spare = [strict.new_plan() for _ in range(
+            _POOL + len(self._starts) + (MOST_WAYS if config.cones else 0))]
         self.value_bound: float | None = None
         self.inside = True
+        self._violating = False
         self._deadline_s = math.inf
 
     def reset(self) -> None:
         """Forget the warm start; the next search is global."""
         self.value_bound = None
 
-    def keep(self, plan: Plan, first_cost: float) -> None:
+    def keep(self, plan: Plan, report: Report) -> None:
         """Make a plan that was found the warm start of the next tick."""
         place = self._spare.index(plan)
         self.plan, self._spare[place] = plan, self.plan
-        self.value_bound = plan.progress.cost - first_cost
+        self.value_bound = plan.progress.cost - report.first_cost
+        self._violating = report.violation > VIOLATION
 
     def first_start(self) -> tuple[Plan | None, int]:
         """Return the plan that one cold start, the short way, leads to, and the passes it took."""
@@ -68,21 +75,20 @@ class PlanFinder:
         """
         self._deadline_s = deadline_s
         was_inside, passes, searched = self.inside, 0, False
-        near = state.angle_rad < SEARCH_ANGLE_RAD
-        if self.value_bound is not None:
+        if self.value_bound is not None and self._cones.allowed:
             plan, passes = self._improve(self._strict, self.plan)
             if plan is not None and self._reaches_set(plan) and (
-                    near or not was_inside or self._keeps_value_bound(plan)):
+                    not was_inside or self._stands(plan, state)):
                 self.inside = True
                 return plan, passes, False
-        if self.value_bound is None or was_inside:
+        if self.value_bound is None or (was_inside and self._cones.allowed):
             best, more = self._search_both(state)
             passes, searched = passes + more, True
             if self.inside or self.value_bound is None:
                 return best, passes, True
         plan, more = self._improve(self._relaxed, self.plan)
         passes += more
-        if plan is None or not (near or self._keeps_value_bound(plan)):
+        if plan is None or not self._stands(plan, state):
             plan, more = self._search(self._relaxed, state)
             passes, searched = passes + more, True
         self.inside = plan is not None and self._reaches_set(plan)
@@ -100,7 +106,9 @@ class PlanFinder:
         leads to one that does.
         """
         steps, passes = search.slew_steps(self._config, state), 0
-        self.inside = True
+        self.inside = self._cones.allowed
+        if not self.inside:
+            return self._search(self._relaxed, state)
         if self._relaxed is self._strict or steps <= search.MANY_STEPS:
             plan, passes = self._search(self._strict, state)
             if self._relaxed is self._strict or (plan is not None and self._reaches_set(plan)):
@@ -140,6 +148,8 @@ class PlanFinder:
         due = [start for start in self._starts if search.is_due(start, state, steps, pointing)]
         best, passes = search.global_search(
             solver, due, steps, self._spare[_POOL:], self._deadline_s)
+        best, more = self._cones.search(solver, best, self._spare[_POOL:], self._deadline_s)
+        passes += more
         if best is not None and self.value_bound is not None:
             solver.begin_shift(SHIFTED_BARRIER, self.plan)
             shifted = self._spare[_SHIFTED]
@@ -150,7 +160,16 @@ class PlanFinder:
 
     def _reaches_set(self, plan: Plan) -> bool:
         """Return whether a plan ends in the terminal set, where there is one."""
-        return self.missed(self._strict.report(plan)) <= VIOLATION
+        return self._cones.allowed and self.missed(self._strict.report(plan)) <= VIOLATION
+
+    def _stands(self, plan: Plan, state: StateReport) -> bool:
+        """Return whether an improved plan needs no search, as no other side could win."""
+        near = SEARCH_ANGLE_RAD
+        if self._strict.touches_cone(plan):
+            near = CONE_ANGLE_RAD
+            if not self._violating and self._strict.report(plan).violation > VIOLATION:
+                return False
+        return state.angle_rad < near or self._keeps_value_bound(plan)
 
     def _keeps_value_bound(self, plan: Plan) -> bool:
         """Return whether a plan's value (with penalties) is within the bound of the last plan."""

@@ -45,10 +45,11 @@ TIE = 1e-7
 
 
 class Start(NamedTuple):
-    """One start of the search."""
+    """One start of the search; ``aims`` (N + 1, 4) lead the slew round cones (:mod:`.ways`)."""
 
     lean: tuple[float, float, float]
     long_way: bool
+    aims: Array | None = None
 
     @property
     def leans(self) -> bool:
@@ -119,6 +120,9 @@ def lean_steps(horizon: int, steps: float) -> int:
 
 def begin(solver: LocalSolver, start: Start, steps: float) -> None:
     """Begin a cold start of a slew of so many steps."""
+    if start.aims is not None:
+        solver.begin_way(COLD_BARRIER, start.aims)
+        return
     if start.long_way:
         solver.flip()
     solver.begin_slew(COLD_BARRIER, np.array(start.lean), lean_steps(solver.horizon, steps))
@@ -126,17 +130,17 @@ def begin(solver: LocalSolver, start: Start, steps: float) -> None:
         solver.flip()
 
 
-def global_search(solver: LocalSolver, field: Sequence[Start], steps: float, pool: list[Plan],
-                  deadline_s: float = math.inf, *, patient: bool = False
+def global_search(solver: LocalSolver, field: Sequence[Start], steps: float,
+                  pool: Sequence[Plan], deadline_s: float = math.inf, *, patient: bool = False,
+                  known: Plan | None = None
                   ) -> tuple[Plan | None, int]:
     """Return the best plan from the solver's state, and the passes it took in all.
 
     ``steps`` is the length of the slew; ``pool`` holds at least one plan per start as memory.
     None when no start gave a plan. After the deadline no further start begins. ``patient``: no
-    start ends for its cost.
+    start ends for its cost. A plan that is ``known`` takes part.
     """
-    passes = 0
-    finalists: list[Plan] = []
+    passes, finalists = 0, [] if known is None else [known]
     for start, slot in zip(field, pool):
         if finalists and time.monotonic() > deadline_s:
             break

@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import platform
 from contextlib import suppress
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,12 +35,15 @@ _SOURCES = cache.hash_of_sources(*(f'{layer}/*.py' for layer in (
 def stored_design(config: AttitudeMpcConfig, cache_dir: str | Path | None) -> TerminalDesign:
     """Map a configuration to its terminal design, to the bit what `terminal_design` returns.
 
+    Without its cones, which cut the set for every target anew.
+
     Raises
     ------
     DesignError
         When the design does not exist.
 
     """
+    config = replace(config, cones=())
     try:
         path = cache.cache_directory(cache_dir) / f'design_{_name(config)}.json'
     except CacheError:  # nowhere to keep it
@@ -57,7 +60,7 @@ def stored_design(config: AttitudeMpcConfig, cache_dir: str | Path | None) -> Te
 def _name(config: AttitudeMpcConfig) -> str:
     """Return what the design follows from, as a part of a file name."""
     values = {field.name: getattr(config, field.name) for field in fields(config)
-              if field.name not in ('horizon', 'cones')}
+              if field.name != 'horizon'}
     facts = {name: value.tobytes() if isinstance(value, np.ndarray) else value
              for name, value in values.items()}
     return cache.name_of(_SOURCES, facts, ca.CasadiMeta.version(), np.__version__,

@@ -28,7 +28,7 @@ _DIRECTIONS, _RADII, _REFINED = 4000, 40, 6
 # Scans, each below the first violation of the one before it.
 _SCANS = 3
 # The level used is this fraction of the largest one found.
-_SAFETY = 0.99
+SAFETY = 0.99
 # Chart and step stay this fraction inside their ends (the chart's radius, and existence).
 _INSIDE = 0.999
 # Where neither chart nor control box ends the set, no coordinate exceeds so many of its units.
@@ -99,7 +99,7 @@ def largest_level(problem: ManifoldProblem, p: Array, k: Array) -> LevelReport:
     for name, violation in (*loop.limits.items(), ('decrease', loop.decrease)):
         limits[name] = _first_level(violation, directions, roots, min(limits.values()))
     limiting = min(limits, key=lambda name: limits[name])
-    level = _SAFETY * limits[limiting]
+    level = SAFETY * limits[limiting]
     if level < 1e-9 * largest:
         raise DesignError(f"no terminal level meets the condition '{limiting}' near the "
                           'equilibrium' + (': F(xi+) - F(xi) <= -L fails there'

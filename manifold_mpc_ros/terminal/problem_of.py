@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.terminal.attitude_problem import attitude_problem
+from manifold_mpc_ros.terminal.cone_cut import cut_design
 from manifold_mpc_ros.terminal.design import TerminalDesign, design_terminal
 from manifold_mpc_ros.terminal.pointing_problem import pointing_problem
 from manifold_mpc_ros.terminal.problem import ManifoldProblem
@@ -17,7 +18,7 @@ def problem_of(config: AttitudeMpcConfig) -> ManifoldProblem:
 
 
 def terminal_design(config: AttitudeMpcConfig) -> TerminalDesign:
-    """Map a configuration to the terminal design of its problem.
+    """Map a configuration to the terminal design of its problem, for the identity as target.
 
     Raises
     ------
@@ -25,4 +26,5 @@ def terminal_design(config: AttitudeMpcConfig) -> TerminalDesign:
         When the design does not exist; the message names the condition that fails.
 
     """
-    return design_terminal(problem_of(config))
+    design = design_terminal(problem_of(config))
+    return cut_design(config, design) if config.cones else design

@@ -41,11 +41,13 @@ class ConeInequality(NodeInequality):
         super().__init__(rows)
         self.direction_N = Field('cone_direction_N', 3 * rows, Memory.MODEL)
         self.direction = Field('cone_direction', 3 * rows, Memory.MODEL)
+        #: What the slew law of a start aims at, stage by stage: quaternion in the target's axes.
+        self.aim = Field('aim', 4, Memory.MODEL)
 
     @property
     def fields(self) -> tuple[Field, ...]:
         """The fields that it adds to the solver's memory."""
-        return (*super().fields, self.direction_N, self.direction)
+        return (*super().fields, self.direction_N, self.direction, self.aim)
 
     @property
     def data_size(self) -> int:

@@ -1,0 +1,83 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The cones of a controller: where they are, what they leave of the terminal set, ways round."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from manifold_mpc_ros.config.cones import directions
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.mpc import search
+from manifold_mpc_ros.mpc.local_solver import LocalSolver, Plan
+from manifold_mpc_ros.mpc.scaling import Array, scaling_of
+from manifold_mpc_ros.mpc.ways import Ways
+from manifold_mpc_ros.terminal.cone_cut import cut_level, spread, target_margins_rad
+from manifold_mpc_ros.terminal.design import TerminalDesign
+
+
+class ConeKeeper:
+    """Hands cones to the solvers; ``strict`` has the terminal set, ``relaxed`` has none."""
+
+    def __init__(self, config: AttitudeMpcConfig, terminal: TerminalDesign, strict: LocalSolver,
+                 relaxed: LocalSolver) -> None:
+        """Begin with the configuration's directions and the identity as target."""
+        self._config, self._terminal = config, terminal
+        self._strict, self._relaxed = strict, relaxed
+        self._unit, self._spread = scaling_of(config).cost, spread(config, terminal.P)
+        self._ways = Ways(config) if config.cones else None
+        self._R_ND, self._directions_N, self._margins = np.eye(3), np.zeros(0), np.zeros(0)
+        self._kept = config.kept_cones
+        #: Whether the cones leave the target a terminal set.
+        self.allowed = True
+        self.set_directions(None)
+
+    def set_directions(self, directions_N: Mapping[str, ArrayLike] | None) -> None:
+        """Set directions by name, (3,) or (N + 1, 3); the configuration's for all other cones."""
+        config = self._config
+        if not self._kept and not directions_N:
+            return
+        given = directions(config.cones, directions_N, config.horizon)
+        if np.array_equal(given, self._directions_N):
+            return
+        steps = np.linalg.norm(np.diff(given, axis=0), axis=-1).max(axis=0)
+        self._kept = tuple(each.tightened(config.between_samples, moved)
+                           for each, moved in zip(config.cones, steps.tolist()))
+        self._directions_N = given
+        for solver in {self._strict, self._relaxed}:
+            solver.set_cones(self._kept, given)
+        self.aim(self._R_ND)
+
+    def aim(self, R_ND: Array) -> None:
+        """Cut the terminal set of a target so that none of it violates a cone; or know it gone."""
+        self._R_ND = R_ND
+        if not self._kept:
+            return
+        self._margins = target_margins_rad(self._config, self._kept, R_ND, self._directions_N)
+        level = cut_level(self._terminal.c, self._margins, self._spread)
+        self.allowed = level > 0.0
+        if self._relaxed is not self._strict:
+            self._strict.set_level((level or self._terminal.c) / self._unit)
+
+    @property
+    def target_margins_rad(self) -> dict[str, float]:
+        """By which angle the target keeps each cone [rad]; negative: it is missing."""
+        return {each.name: float(m) for each, m in zip(self._kept, self._margins)}
+
+    def search(self, solver: LocalSolver, best: Plan | None, pool: Sequence[Plan],
+               deadline_s: float) -> tuple[Plan | None, int]:
+        """Return the best of a plan and those that lead round the cones that it touches.
+
+        And the passes that it took: none where it touches no cone.
+        """
+        if self._ways is None or (best is not None and not solver.touches_cone(best)):
+            return best, 0
+        horizon = self._config.horizon
+        seen = self._directions_N[[0, horizon // 2, horizon]] @ self._R_ND
+        aims = self._ways.aims(self._kept, seen, solver.attitude)
+        field = [search.Start((0.0, 0.0, 0.0), False, way) for way in aims]
+        free = [plan for plan in pool if plan is not best]
+        return search.global_search(solver, field, 0.0, free, deadline_s, known=best)

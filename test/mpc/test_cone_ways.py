@@ -1,0 +1,141 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The search goes round cones on either side; targets that cones forbid are held off."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from cases import configuration
+from numpy.typing import NDArray
+from reference import closed_loop
+from strategies import generator, unit_vectors
+
+from manifold_mpc_ros.config.cones import Cone
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.errors import DesignError
+from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
+from manifold_mpc_ros.mpc.solution import SolveStatus
+from manifold_mpc_ros.terminal.problem_of import terminal_design
+
+Array = NDArray[np.float64]
+Make = Callable[..., AttitudeMpc]
+
+SLOW = {'max_torque_n_m': 0.3, 'max_rate_rad_s': 0.3, 'horizon': 40, 'forcing': 'symmetric'}
+SUN = Cone('sun', (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0.5)
+FAR = Cone('far', (0.0, 0.0, 1.0), (0.0, 0.0, 1.0), 3.0, 'keep_in')
+
+
+def random_problem(rng: np.random.Generator) -> tuple[AttitudeMpcConfig, Array]:
+    """Return two random cones and a start whose straight way crosses one."""
+    parts = np.linspace(0.0, 1.0, 9)[:, None, None]
+    while True:
+        cones = [Cone(name, axis, s, rng.uniform(0.2, 0.9)) for name, axis, s in zip(
+            ('a', 'b'), unit_vectors(rng, 2), unit_vectors(rng, 2))]
+        config = configuration(**SLOW, cones=cones)
+        R = so3.random_rotations(rng, 1)[0]
+        margins = np.min([cone.margins_rad(so3.exp(parts[:, 0] * so3.log(R)))
+                          for cone in config.kept_cones], axis=0)
+        if margins[[0, -1]].min() > 0.1 and margins.min() < -0.1:
+            return config, R
+
+
+def best_of_many_starts(mpc: AttitudeMpc, R: Array) -> float:
+    """Return the least cost of starts by way of 24 attitudes, dimensionless."""
+    assert mpc._cones._ways is not None
+    solver, plan, best = mpc._strict, mpc._strict.new_plan(), math.inf
+    for via in so3.random_rotations(generator('vias'), 24):
+        solver.begin_way(1.0, mpc._cones._ways._timed(np.array([R, via, np.eye(3)])))
+        solver.iterate(200)
+        if solver.progress.converged:
+            solver.keep(plan)
+            best = min(best, plan.progress.cost)
+    return best
+
+
+def test_no_way_by_another_attitude_is_better(controller: Make) -> None:
+    rng, terminal = generator('cone ways'), controller(**SLOW, cones=[SUN, FAR]).terminal
+    held = 0
+    for _ in range(8):
+        config, R = random_problem(rng)
+        mpc = AttitudeMpc(config, terminal=terminal)
+        plan = mpc.solve(R, np.zeros(3))
+        assert plan.status == SolveStatus.CONVERGED
+        found = plan.cost / mpc._unit.cost
+        assert found <= best_of_many_starts(mpc, R) * (1 + 1e-6)
+        held += min(cone.margins_rad(plan.R_NB).min() for cone in config.kept_cones) < 1e-4
+    assert held >= 3
+
+
+def test_straight_at_the_middle_of_a_cone_is_gone_round(controller: Make) -> None:
+    """Every planar plan stays in the plane, where the cone cannot be passed."""
+    mpc = controller(**SLOW, cones=[SUN, FAR])
+    plan = mpc.solve(so3.exp([0.0, 0.0, 2.6]), np.zeros(3))
+    assert plan.status == SolveStatus.CONVERGED
+    assert plan.searched
+    mpc.reset()
+    assert mpc.solve_local(so3.exp([0.0, 0.0, 2.6]), np.zeros(3)).violation > 0.1
+
+
+def test_a_cone_that_moves_starts_a_search_only_when_it_breaks_the_plan(controller: Make) -> None:
+    mpc, R = controller(**SLOW, cones=[SUN, FAR]), so3.exp([0.0, 0.2, 1.7])
+    plan = mpc.solve(R, np.zeros(3), directions_N={'sun': (-1.0, 0.0, 0.2)})
+    searched = []
+    for sun in ((-1.0, 0.1, 0.2), (-1.0, 0.2, 0.2), (0.6, 0.5, 0.0), (0.6, 0.5, 0.0)):
+        R, omega = plan.R_NB[1], plan.omega_BN_B[1]
+        plan = mpc.solve(R, omega, directions_N={'sun': sun})
+        assert plan.status == SolveStatus.CONVERGED
+        searched.append(plan.searched)
+    assert searched == [False, False, True, False]
+
+
+def test_closed_loops_keep_cones_and_the_value_falls(controller: Make) -> None:
+    """Recursive feasibility and decrease are as without cones: no status but 'converged'."""
+    mpc = controller(**SLOW, cones=[SUN, FAR])
+    for R in so3.exp([[0.0, 0.0, 2.6], [0.8, 0.3, 2.4]]):
+        mpc.reset()
+        ticks = closed_loop(mpc, R, np.zeros(3), 60)
+        assert {tick.plan.status for tick in ticks} == {SolveStatus.CONVERGED}
+        assert min(cone.margins_rad(tick.R) for tick in ticks
+                   for cone in mpc.config.kept_cones) > -1e-6
+        for before, after in itertools.pairwise(ticks):
+            assert after.plan.cost <= before.plan.promised_cost + 1e-6
+        assert so3.angle(ticks[-1].R) < 1e-2
+
+
+def test_a_cone_cuts_the_terminal_set(controller: Make) -> None:
+    """No attitude of the set violates it, and a set a little larger has one that does."""
+    near = Cone('near', (1.0, 0.0, 0.0), (math.cos(0.8), math.sin(0.8), 0.0), 0.6)
+    mpc = controller(**SLOW, cones=[near, FAR])
+    design, kept = terminal_design(mpc.config), mpc.config.kept_cones[0]
+    assert design.report.limiting == 'cone near'
+    assert design.c < mpc.terminal.c
+    root = np.linalg.cholesky(np.linalg.inv(design.P))
+    unit = unit_vectors(generator('cut'), 20_000)
+    errors = unit @ np.linalg.cholesky((root @ root.T)[:3, :3]).T
+    least = [kept.margins_rad(so3.exp(math.sqrt(level) * errors)).min()
+             for level in (design.c, 1.2 * design.c)]
+    assert 0.0 < least[0] < 0.02
+    assert least[1] < 0.0
+    with pytest.raises(DesignError, match=r"cone 'near' forbids: \d.* degrees are missing"):
+        terminal_design(configuration(**SLOW, cones=[
+            Cone('near', (1.0, 0.0, 0.0), (1.0, 0.3, 0.0), 0.6)]))
+
+
+def test_a_target_that_a_cone_forbids_is_held_off(controller: Make) -> None:
+    mpc = controller(**SLOW, cones=[SUN, FAR])
+    kept = mpc.config.kept_cones[0]
+    target = so3.exp([0.0, 0.0, 1.3])
+    plan = mpc.solve(so3.exp([0.2, 0.1, -0.5]), np.zeros(3), target)
+    assert plan.status == SolveStatus.INFEASIBLE
+    assert mpc.target_margins_rad['sun'] == pytest.approx(kept.margins_rad(target))
+    assert mpc.target_margins_rad['sun'] < 0.0
+    assert kept.margins_rad(plan.R_NB).min() > -1e-6
+    assert kept.margins_rad(plan.R_NB[-1]) < 1e-3
+    again = mpc.solve(so3.exp([0.2, 0.1, -0.5]), np.zeros(3))
+    assert again.status == SolveStatus.CONVERGED
