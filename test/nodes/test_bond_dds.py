@@ -79,8 +79,8 @@ def test_a_bond_forms_ends_and_forms_again(
     rig.until(lambda: manager.heard[-1].active, 'another bond')
     assert manager.heard[-1].instance_id != first
     # The manager ends it: that is acknowledged, and the node goes on.
-    manager.say(active=False)
-    rig.until(lambda: not manager.heard[-1].active, 'the acknowledgement')
+    rig.until(lambda: not manager.heard[-1].active, 'the acknowledgement',
+              meanwhile=lambda: manager.say(active=False))
     rig.until(lambda: bond() == 'ended', 'no bond')
     manager.heard.clear()
     rig.settle()
