@@ -10,10 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.config.conventions import Vector
-from manifold_mpc_ros.config.description_file import (
+from manifold_mpc_ros.config.description import (
     command_description,
-    full_scale,
     setpoint_description,
     state_description,
 )
@@ -35,7 +33,7 @@ class ControllerConfig:
     state_source: str
     setpoint_source: str
     command_sink: str
-    full_scale_torque_n_m: Vector
+    full_scale_torque_n_m: list[float]
     actuator: str
     actuation_delay_s: float
     inertial_frame_id: str
@@ -57,10 +55,10 @@ class ControllerConfig:
                 'actuators.actuation_delay_s', self.actuation_delay_s,
                 f'at most {LONGEST_DELAY_STEPS} steps, {longest_s:g} s')
         limit = self.mpc.max_torque_n_m
-        if command_description(self.command_sink).normalised and (
+        if any(each.normalised for each in command_description(self.command_sink)) and (
                 limit is None or not (limit <= self.full_scale_torque_n_m).all()):
             raise ConfigurationError(
-                'full_scale_torque_n_m', list(self.full_scale_torque_n_m),
+                'full_scale_torque_n_m', self.full_scale_torque_n_m,
                 'at least limits.max_torque_n_m, which has to be finite')
 
     @classmethod
@@ -77,7 +75,6 @@ class ControllerConfig:
             CONTROLLER_PARAMETERS, values, (field.name for field in fields(cls)))
         state_description(chosen['state_source'])
         setpoint_description(chosen['setpoint_source'])
-        chosen['full_scale_torque_n_m'] = full_scale(chosen['full_scale_torque_n_m'])
         return cls(mpc=AttitudeMpcConfig.from_parameters(values), **chosen)
 
     @property

@@ -4,8 +4,8 @@
 
 N and B are this package's inertial and body axes, W and M those of the other stack: with ROS's
 own choice (REP-103), N is east, north, up where W is a local frame, and B is forward, left, up.
-Quaternions are Hamilton's. A convention maps both ways; its two maps are inverse to rounding
-(1e-15 of unit quaternions, test_conventions.py), and the plain convention leaves every bit.
+Quaternions are Hamilton's. What is read of a state that another convention says is the state again
+within 1e-15 (test_conventions.py), and the plain convention leaves every bit.
 """
 
 from __future__ import annotations
@@ -13,15 +13,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from manifold_mpc_ros.config import checks
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3
 
 Quaternion = tuple[float, float, float, float]
 Vector = tuple[float, float, float]
-Rows = tuple[Vector, Vector, Vector]
 
 #: Forms of an attitude, with the names of their components; a matrix is row by row.
 FORMS = {'quaternion_xyzw': 'xyzw', 'quaternion_wxyz': 'wxyz', 'mrp': 'xyz', 'matrix': '012345678'}
@@ -30,47 +31,44 @@ RATE_AXES = ('body', 'world')
 RATE_UNITS = {'rad/s': 1.0, 'deg/s': math.pi / 180.0}
 #: A matrix R with an entry of R^T R - I beyond this is no rotation.
 ROTATION_TOLERANCE = 1e-2
-#: Rotations to our axes from named ones; the others by 9 numbers.
-BODY_AXES: dict[str, Rows | None] = {
-    'FLU': None, 'FRD': ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))}
-WORLD_AXES: dict[str, Rows | None] = {
-    'ENU': None, 'inertial': None,
-    'NED': ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0))}
+#: Rotations to our axes from named ones, None for the same; the others by 9 numbers.
+Named = dict[str, list[list[float]] | None]
+BODY_AXES: Named = {'FLU': None, 'FRD': [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]}
+WORLD_AXES: Named = {'ENU': None, 'inertial': None,
+                     'NED': [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]}
 
 
-@dataclass(frozen=True)
-class Axes:
-    """A fixed rotation R (3, 3) from the axes of a stack to ours, as rows and as w, x, y, z."""
+class Axes(NamedTuple):
+    """The rotation (3, 3) from the axes of a stack to ours, and as w, x, y, z."""
 
-    rows: Rows
-    quaternion_wxyz: Quaternion
-
-    def to_ours(self, vector: Vector) -> Vector:
-        """Map components in the axes of the stack to components in ours: R v."""
-        return _product(self.rows, vector)
-
-    def to_theirs(self, vector: Vector) -> Vector:
-        """Map components in our axes to components in those of the stack: R^T v."""
-        return _product(_transposed(self.rows), vector)
+    R: so3.Array
+    q_wxyz: Quaternion
 
 
-def axes_of(key: str, value: object, named: dict[str, Rows | None]) -> Axes | None:
+def axes_of(key: str, value: object, named: Named) -> Axes | None:
     """Return axes by name, or by the 9 numbers of R row by row; None for ours.
 
     Raises ConfigurationError naming ``key``.
     """
     if isinstance(value, str) and value in named:
         rows = named[value]
-        return None if rows is None else _axes(np.array(rows))
+        return None if rows is None else Axes(np.array(rows), _wxyz(np.array(rows)))
     valid = f'{" or ".join(named)}, or the 9 numbers of a rotation matrix row by row, to our axes'
-    numbers = isinstance(value, (list, tuple)) and all(
-        isinstance(each, (int, float)) and not isinstance(each, bool) for each in value)
-    if not numbers or len(value) != 9:  # type: ignore[arg-type]
+    R = checks.array(key, value, valid)
+    if R.shape != (9,) or not so3.is_rotation(R.reshape(3, 3), 1e-6):
         raise ConfigurationError(key, value, valid)
-    R = np.array(value, dtype=np.float64).reshape(3, 3)
-    if not (np.isfinite(R).all() and so3.is_rotation(R, 1e-6)):
-        raise ConfigurationError(key, value, valid)
-    return _axes(so3.rotation_from_quaternion(so3.quaternion_from_rotation(R)))
+    q_wxyz = _wxyz(R.reshape(3, 3))
+    return Axes(so3.rotation_from_quaternion(q_wxyz), q_wxyz)
+
+
+def to_ours(axes: Axes | None, vector: Vector) -> Vector:
+    """Map components in the axes of a stack to components in ours: R v."""
+    return vector if axes is None else _vector(axes.R @ vector)
+
+
+def to_theirs(axes: Axes | None, vector: Vector) -> Vector:
+    """Map components in our axes to components in those of a stack: R^T v."""
+    return vector if axes is None else _vector(axes.R.T @ vector)
 
 
 @dataclass(frozen=True)
@@ -86,6 +84,11 @@ class AttitudeConvention:
     world: Axes | None = None
     body: Axes | None = None
 
+    @property
+    def names(self) -> str:
+        """One character for each component."""
+        return FORMS[self.form]
+
     def read(self, values: Sequence[float]) -> Quaternion:
         """Map the components of a message to x, y, z, w of q_NB = q_NW q_WM q_BM^-1.
 
@@ -95,21 +98,10 @@ class AttitudeConvention:
         if self.direction == 'world_to_body':
             q = _inverse(q)
         if self.world is not None:
-            q = _times(self.world.quaternion_wxyz, q)
+            q = _times(self.world.q_wxyz, q)
         if self.body is not None:
-            q = _times(q, _inverse(self.body.quaternion_wxyz))
+            q = _times(q, _inverse(self.body.q_wxyz))
         return (*q[1:], q[0])
-
-    def write(self, quaternion_xyzw: Quaternion) -> tuple[float, ...]:
-        """Map x, y, z, w of q_NB to the components of a message; inverse of `read`."""
-        q = (quaternion_xyzw[3], *quaternion_xyzw[:3])
-        if self.body is not None:
-            q = _times(q, self.body.quaternion_wxyz)
-        if self.world is not None:
-            q = _times(_inverse(self.world.quaternion_wxyz), q)
-        if self.direction == 'world_to_body':
-            q = _inverse(q)
-        return _WRITE[self.form](q)
 
 
 @dataclass(frozen=True)
@@ -121,24 +113,20 @@ class RateConvention:
     world: Axes | None = None
     body: Axes | None = None
 
-    def read(self, values: Vector, quaternion_xyzw: Quaternion) -> Vector:
-        """Map the components of a message to omega_BN_B [rad/s], with the attitude q_NB."""
-        scale = RATE_UNITS[self.unit]
-        vector = values if scale == 1.0 else _scaled(values, scale)
-        if self.axes == 'world':
-            vector = vector if self.world is None else self.world.to_ours(vector)
-            return _product(_transposed(_rotation(quaternion_xyzw)), vector)
-        return vector if self.body is None else self.body.to_ours(vector)
+    names = 'xyz'
 
-    def write(self, omega_BN_B: Vector, quaternion_xyzw: Quaternion) -> Vector:
-        """Map omega_BN_B [rad/s] to the components of a message; inverse of `read`."""
-        if self.axes == 'world':
-            vector = _product(_rotation(quaternion_xyzw), omega_BN_B)
-            vector = vector if self.world is None else self.world.to_theirs(vector)
-        else:
-            vector = omega_BN_B if self.body is None else self.body.to_theirs(omega_BN_B)
+    def read(self, values: Vector, quaternion_xyzw: Quaternion) -> Vector:
+        """Map the components of a message to omega_BN_B [rad/s], with the attitude q_NB.
+
+        Raises ValueError for an attitude that is needed and no number.
+        """
         scale = RATE_UNITS[self.unit]
-        return vector if scale == 1.0 else _scaled(vector, 1.0 / scale)
+        vector = values if scale == 1.0 else _vector(scale * np.array(values))
+        if self.axes == 'body':
+            return to_ours(self.body, vector)
+        x, y, z, w = quaternion_xyzw
+        R_NB = so3.rotation_from_quaternion((w, x, y, z))
+        return _vector(R_NB.T @ to_ours(self.world, vector))
 
 
 def _read_mrp(values: Sequence[float]) -> Quaternion:
@@ -149,51 +137,30 @@ def _read_mrp(values: Sequence[float]) -> Quaternion:
     return ((1.0 - square) / (1.0 + square), twice * x, twice * y, twice * z)
 
 
-def _write_mrp(q: Quaternion) -> Vector:
-    """Map w, v to s = v / (1 + w), of the two that of length 1 or less."""
-    w, x, y, z = q if q[0] >= 0.0 else _scaled4(q, -1.0)
-    return (x / (1.0 + w), y / (1.0 + w), z / (1.0 + w))
-
-
 def _read_matrix(values: Sequence[float]) -> Quaternion:
     """Map nine numbers row by row to a quaternion."""
     R = np.array(values, dtype=np.float64).reshape(3, 3)
     if np.isfinite(R).all() and not (
             so3.is_rotation(R, ROTATION_TOLERANCE) and np.linalg.det(R) > 0.0):
         raise ValueError('the matrix is not a rotation')
-    w, x, y, z = so3.quaternion_from_rotation(R).tolist()
-    return (w, x, y, z)
-
-
-def _write_matrix(q: Quaternion) -> tuple[float, ...]:
-    """Map a quaternion to nine numbers row by row."""
-    return tuple(so3.rotation_from_quaternion(q).ravel().tolist())
+    return _wxyz(R)
 
 
 _READ = {
     'quaternion_xyzw': lambda values: (values[3], values[0], values[1], values[2]),
     'quaternion_wxyz': lambda values: (values[0], values[1], values[2], values[3]),
     'mrp': _read_mrp, 'matrix': _read_matrix}
-_WRITE = {
-    'quaternion_xyzw': lambda q: (q[1], q[2], q[3], q[0]), 'quaternion_wxyz': lambda q: q,
-    'mrp': _write_mrp, 'matrix': _write_matrix}
 
-
-def _axes(R: so3.Array) -> Axes:
-    """Return a rotation in both forms."""
+def _wxyz(R: so3.Array) -> Quaternion:
+    """Return the quaternion of a rotation."""
     w, x, y, z = so3.quaternion_from_rotation(R).tolist()
-    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
-    return Axes(((a, b, c), (d, e, f), (g, h, i)), (w, x, y, z))
+    return (w, x, y, z)
 
 
-def _rotation(quaternion_xyzw: Quaternion) -> Rows:
-    """Return the rows of the rotation of a quaternion, NaN where there is none."""
-    x, y, z, w = quaternion_xyzw
-    length = x * x + y * y + z * z + w * w
-    s = 2.0 / length if 0.0 < length < math.inf else math.nan
-    return ((1.0 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y)),
-            (s * (x * y + w * z), 1.0 - s * (x * x + z * z), s * (y * z - w * x)),
-            (s * (x * z - w * y), s * (y * z + w * x), 1.0 - s * (x * x + y * y)))
+def _vector(values: so3.Array) -> Vector:
+    """Return three numbers."""
+    x, y, z = values.tolist()
+    return (x, y, z)
 
 
 def _inverse(q: Quaternion) -> Quaternion:
@@ -207,26 +174,3 @@ def _times(a: Quaternion, b: Quaternion) -> Quaternion:
     bw, bx, by, bz = b
     return (aw * bw - ax * bx - ay * by - az * bz, aw * bx + ax * bw + ay * bz - az * by,
             aw * by - ax * bz + ay * bw + az * bx, aw * bz + ax * by - ay * bx + az * bw)
-
-
-def _product(rows: Rows, vector: Vector) -> Vector:
-    """Return a matrix times a vector."""
-    x, y, z = vector
-    (a, b, c), (d, e, f), (g, h, i) = rows
-    return (a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z)
-
-
-def _transposed(rows: Rows) -> Rows:
-    """Return the transpose."""
-    (a, b, c), (d, e, f), (g, h, i) = rows
-    return ((a, d, g), (b, e, h), (c, f, i))
-
-
-def _scaled(vector: Vector, scale: float) -> Vector:
-    """Return a multiple of a vector."""
-    return (vector[0] * scale, vector[1] * scale, vector[2] * scale)
-
-
-def _scaled4(q: Quaternion, scale: float) -> Quaternion:
-    """Return a multiple of a quaternion."""
-    return (q[0] * scale, q[1] * scale, q[2] * scale, q[3] * scale)

@@ -11,43 +11,37 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from manifold_mpc_ros.errors import ConfigurationError
 
 Steps = tuple[str | int, ...]
 
 _PART = r'[A-Za-z]\w*(\[\d+\])*'
 _PATH = re.compile(rf'{_PART}(\.{_PART})*', re.ASCII)
+#: What reading or writing a field raises that is not there, or is another kind of value.
+WRONG_FIELD = (AssertionError, AttributeError, OverflowError, TypeError, ValueError)
 
 
 def steps_of(key: str, path: object) -> Steps:
     """Return the steps of a path; raises ConfigurationError naming ``key``."""
     if not isinstance(path, str) or not _PATH.fullmatch(path):
         raise ConfigurationError(key, path, 'a path of fields such as pose.orientation or data[2]')
-    return tuple(int(step) if step.isdecimal() else step
-                 for step in re.findall(r'\w+', path))
-
-
-def text_of(steps: Steps) -> str:
-    """Return the path of steps."""
-    return ''.join(f'[{step}]' if isinstance(step, int) else f'.{step}' for step in steps)[1:]
-
-
-def has_field(message: Any, steps: Steps) -> bool:
-    """Say whether a message, empty as it is made, has a field; a sequence has every element."""
-    for step in steps:
-        if isinstance(step, int) and hasattr(message, 'append') and not len(message):
-            return True
-        try:
-            message = value_at(message, (step,))
-        except (AttributeError, IndexError, TypeError):
-            return False
-    return True
+    return tuple(int(step) if step.isdecimal() else step for step in re.findall(r'\w+', path))
 
 
 def value_at(message: Any, steps: Steps) -> Any:
-    """Return the value of a field; AttributeError, IndexError or TypeError where there is none."""
+    """Return the value of a field.
+
+    Raises IndexError where a sequence has no such element now, and else one of WRONG_FIELD.
+    """
     for step in steps:
-        message = message[step] if isinstance(step, int) else getattr(message, step)
+        if isinstance(step, str):
+            message = getattr(message, step)
+        elif isinstance(message, np.ndarray) and step >= len(message):
+            raise ValueError(f'it has {len(message)} elements, not {step + 1}')
+        else:
+            message = message[step]
     return message
 
 
@@ -55,30 +49,28 @@ def numbers_at(message: Any, fields: Sequence[Steps], names: str) -> tuple[float
     """Return numbers of a message, as many as ``names`` has characters.
 
     Of several fields each is a number. One field is a message, whose numbers have the names, or
-    an array in their order. Raises ValueError for another length (IndexError for none), and what
-    `value_at` raises.
+    an array in their order. Raises what `value_at` raises.
     """
     if len(fields) > 1:
-        return tuple(float(value_at(message, steps)) for steps in fields)
+        return tuple([float(value_at(message, steps)) for steps in fields])
     value = value_at(message, fields[0])
     if hasattr(value, names[0]):
         return tuple([float(getattr(value, name)) for name in names])
     if len(value) != len(names):
-        empty = not len(value) and hasattr(value, 'append')
-        raise (IndexError if empty else ValueError)(f'{len(value)} numbers, expected {len(names)}')
+        empty = not len(value) and not isinstance(value, str)
+        raise (IndexError if empty else ValueError)(f'{len(value)} numbers, not {len(names)}')
     return tuple(map(float, value))
 
 
 def put_numbers(
     message: Any, fields: Sequence[Steps], names: str, values: Sequence[float],
 ) -> None:
-    """Put numbers where `numbers_at` reads them."""
+    """Put numbers where `numbers_at` reads them; without names in an array of any length."""
+    target = value_at(message, fields[0])
     if len(fields) > 1:
         for steps, value in zip(fields, values, strict=True):
             put(message, steps, value)
-        return
-    target = value_at(message, fields[0])
-    if names and hasattr(target, names[0]):
+    elif names and hasattr(target, names[0]):
         for name, value in zip(names, values, strict=True):
             setattr(target, name, value)
     else:
@@ -86,7 +78,8 @@ def put_numbers(
 
 
 def put(message: Any, steps: Steps, value: Any) -> None:
-    """Put a value into a field."""
+    """Put a value into a field that is there."""
+    value_at(message, steps)
     owner, last = value_at(message, steps[:-1]), steps[-1]
     if isinstance(last, int):
         owner[last] = value

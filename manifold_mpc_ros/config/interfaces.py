@@ -9,10 +9,9 @@ Messages are described in YAML (description.py). What the nodes subscribe to and
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping
 from typing import Any
 
-from manifold_mpc_ros.config.description_file import (
+from manifold_mpc_ros.config.description import (
     PLAIN,
     command_description,
     setpoint_description,
@@ -34,16 +33,16 @@ def load(path: str) -> Any:
     return getattr(importlib.import_module(module), name)
 
 
-def message_class(message_type: str, install: Mapping[str, str] | None = None) -> Any:
+def message_class(message_type: str, install: str = '') -> Any:
     """Return the class of a message type 'package/msg/Name'; needs ROS.
 
-    Raises ConfigurationError for one that is not installed; ``install`` says how to get packages.
+    Raises ConfigurationError for one that is not installed; ``install`` says how to get it.
     """
     package, folder, name = message_type.split('/')
     try:
         return load(f'{package}.{folder}:{name}')
     except ModuleNotFoundError:
-        way = (install or {}).get(package, f'build {package} in this workspace, or source its own')
+        way = install or f'build {package} in this workspace, or source its own'
         raise ConfigurationError(
             'type', message_type, f'a type of an installed package ({way})') from None
     except AttributeError:
@@ -57,16 +56,18 @@ def state_topics() -> tuple[tuple[str, str, str], ...]:
         (topic, message_type, 'attitude and body rate' if name == PLAIN
          else f'with state_source {name}')
         for name in (PLAIN, 'imu')
-        for topic, message_type in state_description(name).topics.items())
+        for topic, message_type in dict.fromkeys(
+            (part.topic, part.message_type) for part in (
+                state_description(name).attitude, state_description(name).rate)))
 
 
 def setpoint_topic() -> tuple[str, str, str]:
     """Return name, type and meaning of the shipped topic of commanded attitudes."""
-    attitude = setpoint_description(PLAIN).attitude
+    attitude = setpoint_description(PLAIN)
     return attitude.topic, attitude.message_type, 'commanded attitude'
 
 
 def command_topics() -> tuple[tuple[str, str, str], ...]:
     """Return name, type and meaning of the shipped topics of commands."""
     return tuple((message.topic, message.message_type, 'body torque [N m]')
-                 for message in command_description(PLAIN).messages)
+                 for message in command_description(PLAIN))

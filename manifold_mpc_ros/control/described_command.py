@@ -1,30 +1,22 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Commands in the messages of any stack, by their description; messages are any objects.
-
-A normalised torque is the torque about each body axis of the stack, divided by the full scale of
-that axis (3 numbers [N m]).
-"""
+"""Commands in the messages of any stack, by their description; messages are any objects."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from manifold_mpc_ros.config.conventions import Vector
-from manifold_mpc_ros.config.description import (
-    BODY_TORQUE,
-    CommandMessage,
-    Stamp,
-)
+from manifold_mpc_ros.config.conventions import Vector, to_ours, to_theirs
+from manifold_mpc_ros.config.description import CommandMessage
 from manifold_mpc_ros.config.field_path import (
-    has_field,
+    WRONG_FIELD,
+    Steps,
     numbers_at,
     put,
     put_numbers,
-    text_of,
     value_at,
 )
 from manifold_mpc_ros.control.actuator import Actuation
@@ -32,20 +24,32 @@ from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.errors import ConfigurationError
 
 
-@dataclass(frozen=True)
 class CommandWriter:
-    """Fills the messages of one topic; ``full_scale_n_m`` is of the axes of the stack."""
+    """Fills the messages of one topic.
 
-    described: CommandMessage
-    body_frame_id: str
-    full_scale_n_m: Vector
+    Arguments
+    ---------
+    described
+        What they say.
+    body_frame_id
+        The frame of the spacecraft body.
+    full_scale_n_m
+        Torque about each body axis of the stack that is 1 where normalised (1 or 3) [N m].
 
-    def __post_init__(self) -> None:
-        """Raise ConfigurationError where the full scale is needed and not given."""
-        if self.described.normalised and not np.isfinite(self.full_scale_n_m).all():
+    Raises ConfigurationError where the full scale is needed and not given.
+
+    """
+
+    def __init__(
+        self, described: CommandMessage, body_frame_id: str, full_scale_n_m: Sequence[float],
+    ) -> None:
+        """Keep what is needed."""
+        self.described, self._body_frame_id = described, body_frame_id
+        self._scale = np.broadcast_to(full_scale_n_m, 3) if described.normalised else np.ones(3)
+        if not (np.isfinite(self._scale).all() and (self._scale > 0.0).all()):
             raise ConfigurationError(
-                'full_scale_torque_n_m', list(self.full_scale_n_m),
-                f'the torque that is 1 on {self.described.topic}, about each body axis there')
+                'full_scale_torque_n_m', list(full_scale_n_m),
+                f'the torque that is 1 on {described.topic}, about each body axis there')
 
     def fill(
         self, message: Any, stamp_ns: int, sent_ns: int, actuation: Actuation | None,
@@ -55,61 +59,49 @@ class CommandWriter:
         ``stamp_ns`` is the stamp of the state that is answered, ``sent_ns`` the time now [ns].
         """
         described = self.described
-        for steps, value in described.constants:
+        for steps, value in described.constants.items():
             put(message, steps, value)
-        _put_stamp(message, described.stamp, stamp_ns)
-        _put_stamp(message, described.sent, sent_ns)
+        self._put_stamp(message, described.stamp, stamp_ns)
+        self._put_stamp(message, described.sent, sent_ns)
         if described.body_frame_id:
-            put(message, described.body_frame_id, self.body_frame_id)
-        if actuation is not None and described.quantity == BODY_TORQUE:
-            put_numbers(message, described.fields, 'xyz', self._torque(actuation))
-        elif actuation is not None:
+            put(message, described.body_frame_id, self._body_frame_id)
+        if actuation is not None and described.device:
             put_numbers(message, described.fields, '', actuation.device.tolist())
+        elif actuation is not None and described.fields:
+            x, y, z = actuation.torque_B_n_m.tolist()
+            torque = np.array(to_theirs(described.body, (x, y, z))) / self._scale
+            put_numbers(message, described.fields, 'xyz', torque.tolist())
         return message
 
     def read(self, message: Any) -> Vector:
-        """Map a message to the body torque in it [N m]; inverse of `fill`."""
-        torque = numbers_at(message, self.described.fields, 'xyz')
-        if self.described.normalised:
-            torque = tuple(part * full for part, full in zip(
-                torque, self.full_scale_n_m, strict=True))
-        x, y, z = torque
-        return (x, y, z) if self.described.body is None else self.described.body.to_ours((x, y, z))
+        """Map a message to the body torque in it [N m]; inverse of `fill`.
+
+        Raises IndexError and what is in WRONG_FIELD.
+        """
+        x, y, z = (np.array(numbers_at(message, self.described.fields, 'xyz'))
+                   * self._scale).tolist()
+        return to_ours(self.described.body, (x, y, z))
 
     def check(self, message: Any) -> None:
         """Raise ConfigurationError where a message, empty as it is made, lacks a field."""
-        described = self.described
-        for steps in (*described.fields, described.stamp.steps, described.sent.steps,
-                      described.body_frame_id, *(steps for steps, _ in described.constants)):
-            if not has_field(message, steps):
-                raise ConfigurationError(
-                    described.topic, text_of(steps), f'a field of {described.message_type}')
-        zero = Actuation(np.zeros(3), np.zeros(3), np.zeros(3)) if (
-            described.fields and described.quantity == BODY_TORQUE) else None
+        zero = Actuation(np.zeros(3), np.zeros(3), np.zeros(3))
         try:
-            self.fill(message, 0, 0, zero)
-        except (AssertionError, AttributeError, IndexError, TypeError, ValueError) as error:
+            for steps in self.described.fields:
+                value_at(message, steps)
+            self.fill(message, 0, 0, None if self.described.device else zero)
+        except IndexError:
+            return  # an element of a sequence that is empty as yet
+        except WRONG_FIELD as error:
             raise ConfigurationError(
-                described.topic, [text_of(steps) for steps in described.fields],
-                f'fields of {described.message_type} for what is put there ({error})') from None
+                self.described.topic, self.described.message_type,
+                f'a type with the fields described ({error})') from None
 
-    def _torque(self, actuation: Actuation) -> Vector:
-        """Return the torque as the stack says it."""
-        x, y, z = actuation.torque_B_n_m.tolist()
-        if self.described.body is not None:
-            x, y, z = self.described.body.to_theirs((x, y, z))
-        if not self.described.normalised:
-            return (x, y, z)
-        a, b, c = self.full_scale_n_m
-        return (x / a, y / b, z / c)
-
-
-def _put_stamp(message: Any, stamp: Stamp, time_ns: int) -> None:
-    """Put a time [ns] where the description says."""
-    if stamp.unit_ns:
-        value = time_ns / stamp.unit_ns
-        whole = isinstance(value_at(message, stamp.steps), int)
-        put(message, stamp.steps, time_ns // stamp.unit_ns if whole else value)
-    elif stamp.steps:
-        time = value_at(message, stamp.steps)
-        time.sec, time.nanosec = divmod(time_ns, NANOSECONDS)
+    def _put_stamp(self, message: Any, steps: Steps, time_ns: int) -> None:
+        """Put a time [ns] where the description says."""
+        unit_ns = self.described.stamp_unit_ns
+        if steps and unit_ns:
+            whole = isinstance(value_at(message, steps), int)
+            put(message, steps, time_ns // unit_ns if whole else time_ns / unit_ns)
+        elif steps:
+            time = value_at(message, steps)
+            time.sec, time.nanosec = divmod(time_ns, NANOSECONDS)

@@ -8,13 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from manifold_mpc_ros.config.conventions import Quaternion
-from manifold_mpc_ros.config.description import (
-    AttitudePart,
-    Part,
-    Stamp,
-    StateDescription,
-)
-from manifold_mpc_ros.config.field_path import Steps, has_field, numbers_at, text_of, value_at
+from manifold_mpc_ros.config.description import Part, StateDescription
+from manifold_mpc_ros.config.field_path import WRONG_FIELD, Steps, numbers_at, value_at
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, RawState, Reason, Refusal
 from manifold_mpc_ros.errors import ConfigurationError
 
@@ -35,23 +30,23 @@ class ForeignClock:
 
     def __init__(self) -> None:
         """Start with nothing known."""
-        self._latest_ns, self._offset_ns = 0, 0
-        self._known = False
+        self._latest_ns: int | None = None
+        self._offset_ns = 0
 
     def to_ros_ns(self, foreign_ns: int, received_ns: int) -> int:
         """Map a stamp, of a message that was received at a ROS time [ns]."""
-        difference_ns = received_ns - foreign_ns
-        if not self._known or foreign_ns < self._latest_ns - LARGEST_STEP_BACK_NS:
-            self._offset_ns, self._latest_ns, self._known = difference_ns, foreign_ns, True
-        passed_ns = max(0, foreign_ns - self._latest_ns)
-        self._latest_ns = max(foreign_ns, self._latest_ns)
+        difference_ns, latest_ns = received_ns - foreign_ns, self._latest_ns
+        if latest_ns is None or foreign_ns < latest_ns - LARGEST_STEP_BACK_NS:
+            self._offset_ns, latest_ns = difference_ns, foreign_ns
+        passed_ns = max(0, foreign_ns - latest_ns)
+        self._latest_ns = latest_ns + passed_ns
         self._offset_ns = min(difference_ns, self._offset_ns + round(CLOCK_DRIFT * passed_ns))
         return foreign_ns + self._offset_ns
 
 
 @dataclass(frozen=True)
-class _Read:
-    """The numbers of one part, and its stamp by the clock of the stack [ns]."""
+class ReadPart:
+    """What a message says of a part of a state: numbers, frames, stamp by its own clock [ns]."""
 
     stamp_ns: int
     received_ns: int
@@ -74,8 +69,8 @@ class DescribedSource:
 
     def forget(self) -> None:
         """Forget the messages that wait for others, and what is known of another clock."""
-        self._attitude: _Read | None = None
-        self._rate: _Read | None = None
+        self._attitude: ReadPart | None = None
+        self._rate: ReadPart | None = None
         self._clock = ForeignClock()
 
     def read(self, topic: str, message: Any, received_ns: int) -> RawState | Refusal | None:
@@ -87,85 +82,62 @@ class DescribedSource:
         described = self._description
         try:
             if topic == described.attitude.topic:
-                self._attitude = _read(described.attitude, message, received_ns)
+                self._attitude = read_part(described.attitude, message, received_ns)
             if topic == described.rate.topic:
-                self._rate = _read(described.rate, message, received_ns)
-        except (AttributeError, IndexError, OverflowError, TypeError, ValueError) as error:
+                self._rate = read_part(described.rate, message, received_ns)
+        except (IndexError, *WRONG_FIELD) as error:
             return Refusal(Reason.UNREADABLE, f'{topic}: {error}')
-        if self._attitude is None or self._rate is None or abs(
-                self._attitude.stamp_ns - self._rate.stamp_ns) > described.join_within_ns:
-            return None
         attitude, rate = self._attitude, self._rate
+        if attitude is None or rate is None or abs(
+                attitude.stamp_ns - rate.stamp_ns) > described.join_within_ns:
+            return None
         self._attitude = self._rate = None
         return self._joined(attitude, rate)
 
-    def check(self, topic: str, message: Any) -> None:
-        """Raise ConfigurationError where a message of the type of a topic lacks a field."""
-        for part in (self._description.attitude, self._description.rate):
-            if part.topic == topic:
-                check_fields(part, message)
-
-    def _joined(self, attitude: _Read, rate: _Read) -> RawState | Refusal:
+    def _joined(self, attitude: ReadPart, rate: ReadPart) -> RawState | Refusal:
         """Return the state of both parts in our conventions."""
-        described = self._description
+        described, stamp_ns = self._description, attitude.stamp_ns
+        if described.attitude.stamp_unit_ns:
+            stamp_ns = self._clock.to_ros_ns(stamp_ns, attitude.received_ns)
         try:
             q_NB: Quaternion = described.attitude.convention.read(attitude.values)
+            omega_BN_B = described.rate.convention.read(rate.values, q_NB)
         except ValueError as error:
             return Refusal(Reason.QUATERNION_NORM, str(error))
-        x, y, z = rate.values
-        stamp_ns = attitude.stamp_ns
-        if described.attitude.stamp.unit_ns:
-            stamp_ns = self._clock.to_ros_ns(stamp_ns, attitude.received_ns)
         return RawState(
             stamp_ns, attitude.inertial_frame_id,
             rate.body_frame_id if attitude.body_frame_id is None else attitude.body_frame_id,
-            q_NB, described.rate.convention.read((x, y, z), q_NB), attitude.there, rate.there)
+            q_NB, omega_BN_B, attitude.there, rate.there)
 
 
-def _read(part: Part, message: Any, received_ns: int) -> _Read:
-    """Read one part of a state; raises what reading another message raises."""
-    return _Read(
-        _stamp_ns(part.stamp, message, received_ns), received_ns,
-        numbers_at(message, part.fields, part.names),
+def read_part(part: Part, message: Any, received_ns: int) -> ReadPart:
+    """Read one part of a state; raises IndexError and what is in WRONG_FIELD."""
+    return ReadPart(
+        _stamp_ns(part, message, received_ns), received_ns,
+        numbers_at(message, part.fields, part.convention.names),
         not part.absent or value_at(message, part.absent) != NOT_PROVIDED,
         _text(message, part.inertial_frame_id), _text(message, part.body_frame_id))
 
 
-def read_attitude(
-    part: AttitudePart, message: Any,
-) -> tuple[str | None, Quaternion] | Refusal:
-    """Map a message to its inertial frame, None where none is named, and q_NB as x, y, z, w."""
-    try:
-        return (_text(message, part.inertial_frame_id),
-                part.convention.read(numbers_at(message, part.fields, part.names)))
-    except (IndexError, ValueError) as error:
-        return Refusal(Reason.UNREADABLE, f'{part.topic}: {error}')
-
-
-def check_fields(part: Part, message: Any) -> None:
+def check_part(part: Part, message: Any) -> None:
     """Raise ConfigurationError where a message, empty as it is made, lacks a field of a part."""
-    for steps in (*part.fields, part.stamp.steps, part.absent, part.inertial_frame_id,
-                  part.body_frame_id):
-        if not has_field(message, steps):
-            raise ConfigurationError(
-                part.topic, text_of(steps), f'a field of {part.message_type}')
     try:
-        _read(part, message, 0)
+        read_part(part, message, 0)
     except IndexError:
-        return  # a sequence that is empty as yet
-    except (AttributeError, TypeError, ValueError) as error:
+        return  # an element of a sequence that is empty as yet
+    except WRONG_FIELD as error:
         raise ConfigurationError(
-            part.topic, [text_of(steps) for steps in part.fields],
-            f'{len(part.names)} numbers, and a stamp, in {part.message_type} ({error})') from None
+            part.topic, part.message_type, f'a type with the fields described ({error})',
+        ) from None
 
 
-def _stamp_ns(stamp: Stamp, message: Any, received_ns: int) -> int:
+def _stamp_ns(part: Part, message: Any, received_ns: int) -> int:
     """Return the stamp of a message by the clock that it is of [ns]."""
-    if not stamp.steps:
+    if not part.stamp:
         return received_ns
-    value = value_at(message, stamp.steps)
-    if stamp.unit_ns:
-        return round(value * stamp.unit_ns)
+    value = value_at(message, part.stamp)
+    if part.stamp_unit_ns:
+        return round(value * part.stamp_unit_ns)
     return int(value.sec) * NANOSECONDS + int(value.nanosec)
 
 

@@ -41,7 +41,7 @@ class Bond:
         if not period_s:
             return
         try:
-            self._kind = message_class(MESSAGE_TYPE, {'bond': 'apt-get install ros-jazzy-bond'})
+            self._kind = message_class(MESSAGE_TYPE, 'apt-get install ros-jazzy-bond')
         except ConfigurationError as error:
             raise ConfigurationError(
                 'bond_period_s', period_s, f'0, or {MESSAGE_TYPE} to be {error.valid}') from None

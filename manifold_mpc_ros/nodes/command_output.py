@@ -5,17 +5,12 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.duration import Duration
 
-from manifold_mpc_ros.config.conventions import Vector
-from manifold_mpc_ros.config.description import (
-    CommandMessage,
-)
-from manifold_mpc_ros.config.description_file import (
-    command_description,
-)
+from manifold_mpc_ros.config.description import CommandMessage, command_description
 from manifold_mpc_ros.config.interfaces import message_class
 from manifold_mpc_ros.control.actuator import Actuation
 from manifold_mpc_ros.control.described_command import CommandWriter
@@ -31,29 +26,21 @@ class CommandOutput:
         Who publishes.
     given
         The description: the name of a shipped one, or a YAML file.
-    body_frame_id
-        The frame of the spacecraft body.
-    full_scale_n_m
-        Torque of each axis that is 1 where torques are normalised [N m].
+    body_frame_id, full_scale_n_m
+        As of `CommandWriter`.
 
     Raises ConfigurationError for a message type that is not installed or a field that it lacks.
 
     """
 
     def __init__(
-        self, node: ManagedNode, given: str, body_frame_id: str, full_scale_n_m: Vector,
+        self, node: ManagedNode, given: str, body_frame_id: str, full_scale_n_m: Sequence[float],
     ) -> None:
         """Advertise the topics of the description."""
         self._node = node
-        described = command_description(given)
-        writers = [CommandWriter(message, body_frame_id, full_scale_n_m)
-                   for message in described.messages]
-        kinds = [message_class(message.message_type, described.install)
-                 for message in described.messages]
-        for writer, kind in zip(writers, kinds, strict=True):
-            writer.check(kind())
-        self._outputs = [_Output(node, writer, kind)
-                         for writer, kind in zip(writers, kinds, strict=True)]
+        self._outputs = [
+            _Output(node, described, CommandWriter(described, body_frame_id, full_scale_n_m))
+            for described in command_description(given)]
         self._others: list[str] = []
 
     def close(self) -> None:
@@ -64,7 +51,8 @@ class CommandOutput:
     def send(self, stamp_ns: int, actuation: Actuation) -> None:
         """Publish a command with the stamp of the state that it answers [ns]."""
         for output in self._outputs:
-            output.send(stamp_ns, actuation)
+            if output.timer is None:
+                output.publish(stamp_ns, actuation)
 
     def name_others(self, status: Status) -> None:
         """Add to a status who else publishes commands; the log has each change once."""
@@ -90,31 +78,29 @@ class CommandOutput:
 class _Output:
     """The publisher of one topic, and the timer of messages that come by themselves."""
 
-    def __init__(self, node: ManagedNode, writer: CommandWriter, kind: type) -> None:
+    def __init__(
+        self, node: ManagedNode, described: CommandMessage, writer: CommandWriter,
+    ) -> None:
         """Advertise the topic."""
-        described: CommandMessage = writer.described
-        self._node, self._writer, self._kind = node, writer, kind
-        self.publisher = node.advertise(kind, described.topic)
-        self._timer = node.tick_every(
+        self._node, self._writer = node, writer
+        self._kind = message_class(described.message_type, described.install)
+        writer.check(self._kind())
+        self.publisher = node.advertise(self._kind, described.topic)
+        self.timer = node.tick_every(
             described.period_s, described.topic, self._on_timer) if described.period_s else None
 
     def close(self) -> None:
         """Publish no more."""
-        if self._timer is not None:
-            self._node.destroy_timer(self._timer)
+        if self.timer is not None:
+            self._node.destroy_timer(self.timer)
         self._node.destroy_lifecycle_publisher(self.publisher)
 
-    def send(self, stamp_ns: int, actuation: Actuation) -> None:
-        """Publish a command, unless this topic has a period of its own."""
-        if self._timer is None:
-            self._publish(stamp_ns, actuation if self._writer.described.fields else None)
+    def publish(self, stamp_ns: int, actuation: Actuation | None) -> None:
+        """Publish one message."""
+        self.publisher.publish(self._writer.fill(
+            self._kind(), stamp_ns, self._node.get_clock().now().nanoseconds, actuation))
 
     def _on_timer(self) -> None:
         """Publish what comes by itself, while the node is active."""
         if self._node.active:
-            self._publish(self._node.get_clock().now().nanoseconds, None)
-
-    def _publish(self, stamp_ns: int, actuation: Actuation | None) -> None:
-        """Publish one message."""
-        self.publisher.publish(self._writer.fill(
-            self._kind(), stamp_ns, self._node.get_clock().now().nanoseconds, actuation))
+            self.publish(self._node.get_clock().now().nanoseconds, None)

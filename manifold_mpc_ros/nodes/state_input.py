@@ -13,11 +13,9 @@ from typing import Any
 
 from rclpy.qos import QoSProfile
 
-from manifold_mpc_ros.config.description_file import (
-    state_description,
-)
+from manifold_mpc_ros.config.description import state_description
 from manifold_mpc_ros.config.interfaces import message_class
-from manifold_mpc_ros.control.described_source import DescribedSource
+from manifold_mpc_ros.control.described_source import DescribedSource, check_part
 from manifold_mpc_ros.control.input_gate import RawState, Refusal
 from manifold_mpc_ros.nodes.managed_node import ManagedNode
 from manifold_mpc_ros.nodes.publisher_watch import PublisherWatch
@@ -56,10 +54,10 @@ class StateInput:
         self._on_state, self._on_duplicate = on_state, on_duplicate
         described = state_description(given)
         self._source = DescribedSource(described)
-        kinds = {topic: message_class(message_type, described.install)
-                 for topic, message_type in described.topics.items()}
-        for topic, kind in kinds.items():
-            self._source.check(topic, kind())
+        kinds = {}
+        for part in (described.attitude, described.rate):
+            kinds[part.topic] = message_class(part.message_type, part.install)
+            check_part(part, kinds[part.topic]())
         self._watches = {topic: PublisherWatch() for topic in kinds}
         self._subscriptions = {
             topic: node.listen(kind, topic, self._callback(topic), qos)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
-from manifold_mpc_ros.config.description_file import command_description
+from manifold_mpc_ros.config.description import command_description
 from manifold_mpc_ros.control.actuator import Actuation
 from manifold_mpc_ros.control.described_command import CommandWriter
 from manifold_mpc_ros.errors import ConfigurationError
@@ -28,7 +28,7 @@ def writer(folder: Path, full_scale: Any = (INF, INF, INF), **keys: Any) -> Comm
     path.write_text(yaml.safe_dump(
         {'command': [{'topic': 'out', 'type': 'my_msgs/msg/Out', 'field': 'v', **keys}]}))
     command_description.cache_clear()
-    message, = command_description(str(path)).messages
+    message, = command_description(str(path))
     return CommandWriter(message, 'base_link', full_scale)
 
 
@@ -55,9 +55,9 @@ def test_stamps_frame_fixed_values_and_devices(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(('keys', 'says'), [
-    ({'field': 'w'}, "out: 'w'.*a field of my_msgs/msg/Out"),
-    ({'set': {'modes': 3}}, "'modes'.*a field"),
-    ({'stamp': 'frame'}, 'fields of my_msgs/msg/Out for what is put there'),
+    ({'field': 'w'}, "out: 'my_msgs/msg/Out'.*no attribute 'w'"),
+    ({'set': {'modes': 3}}, "no attribute 'modes'"),
+    ({'stamp': 'frame'}, 'a type with the fields described'),
     ({'unit': 'normalised'}, 'full_scale_torque_n_m.*the torque that is 1 on out'),
     ({'unit': 'Nm'}, "command.0..unit: 'Nm'.*'normalised'"),
     ({'period_s': 0.1}, 'period_s.*left out where there is a field'),
@@ -70,7 +70,7 @@ def test_a_mistake_gets_one_sentence(tmp_path: Path, keys: dict[str, Any], says:
 
 @pytest.mark.parametrize(('given', 'says'), [
     ('imu', "command_sink: 'imu'.*the key 'command'"), ('[]', 'a list of messages'),
-    ('[{topic: a, type: b/msg/C}]', 'a message with the key field')])
+    ('[{topic: a, type: b/msg/C}]', 'of which one has a field')])
 def test_a_description_without_a_command_is_refused(
     tmp_path: Path, given: str, says: str,
 ) -> None:

@@ -10,9 +10,7 @@ import pytest
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 
 
-from manifold_mpc_ros.config.description_file import (
-    state_description,
-)
+from manifold_mpc_ros.config.description import state_description
 from manifold_mpc_ros.control.described_source import DescribedSource
 from manifold_mpc_ros.control.input_gate import StateGate, StateSample
 from manifold_mpc_ros.lie import so3

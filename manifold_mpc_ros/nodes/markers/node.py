@@ -14,9 +14,6 @@ from nav_msgs.msg import Path
 from rclpy.subscription import Subscription
 from visualization_msgs.msg import MarkerArray
 
-from manifold_mpc_ros.config.description_file import (
-    full_scale,
-)
 from manifold_mpc_ros.config.parameter import Value
 from manifold_mpc_ros.control.input_gate import (
     RawState,
@@ -53,7 +50,7 @@ class AttitudeMarkersNode(ManagedNode):
         setpoint = DescribedSetpoint(str(values['setpoint_source']), self._frames[0])
         torque = DescribedTorque(
             str(values['command_sink']), self._frames[1],
-            full_scale(values['full_scale_torque_n_m']))  # type: ignore[arg-type]
+            values['full_scale_torque_n_m'])  # type: ignore[arg-type]
         # Setpoints come seldom: one that nobody saw coming is drawn all the same.
         self._always = self._subscribe((
             (setpoint.kind, setpoint.topic, lambda message: self._take(
