@@ -36,6 +36,10 @@ class ControllerConfig:
     full_scale_torque_n_m: list[float]
     actuator: str
     actuation_delay_s: float
+    estimate_disturbance: bool
+    max_disturbance_n_m: list[float]
+    drift_n_m: float
+    rate_noise_rad_s: float
     inertial_frame_id: str
     body_frame_id: str
     initial_setpoint: str

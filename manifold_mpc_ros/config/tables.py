@@ -123,6 +123,23 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
         'actuators.actuation_delay_s', 'float', 0.0,
         'time from a command to its torque, which the plan is made for; at most 10 steps',
         unit='s', low=0.0, high=3600.0),
+    ParameterSpec(
+        'disturbance.estimate', 'bool', False,
+        'estimate the torque that acts unasked, and plan with it',
+        name_in_config='estimate_disturbance'),
+    ParameterSpec(
+        'disturbance.max_torque_n_m', 'floats', [math.inf],
+        'largest estimate about each body axis, either sign; never more than half of '
+        'limits.max_torque_n_m', unit='N m', lengths=(1, 3), infinite=True,
+        name_in_config='max_disturbance_n_m'),
+    ParameterSpec(
+        'disturbance.drift_n_m', 'float', 1e-3,
+        'how far the disturbance wanders in a second (standard deviation, growing with the square '
+        'root of time)', unit='N m', low=0.0, high=1e6),
+    ParameterSpec(
+        'disturbance.rate_noise_rad_s', 'float', 1e-5,
+        'standard deviation of a measured rate about each body axis', unit='rad/s', low=1e-12,
+        high=100.0),
     _INERTIAL_FRAME,
     _BODY_FRAME,
     ParameterSpec(

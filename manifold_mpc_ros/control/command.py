@@ -13,6 +13,7 @@ from manifold_mpc_ros.control.consistency import MotionBounds
 from manifold_mpc_ros.control.decrease_monitor import DecreaseMonitor
 from manifold_mpc_ros.control.decrease_record import DecreaseRecord
 from manifold_mpc_ros.control.modes import Mode
+from manifold_mpc_ros.control.response.observer import ResponseObserver
 from manifold_mpc_ros.control.solver_thread import SolverRunner
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution
 
@@ -43,7 +44,8 @@ class Command:
 class Law:
     """A control law that is ready to work: its configuration, its solver, and who judges it.
 
-    A torque begins to act ``actuation_delay_s`` after the tick that it is sent at.
+    A torque begins to act ``actuation_delay_s`` after the tick that it is sent at; ``observer``
+    estimates by how much that is wrong, and the disturbance torque.
     ``motion``: within what attitude and rate have to tell of one motion; None: not compared.
     """
 
@@ -54,3 +56,4 @@ class Law:
     backend: str = ''
     actuation_delay_s: float = 0.0
     motion: MotionBounds | None = None
+    observer: ResponseObserver | None = None

@@ -7,7 +7,6 @@ The loop gathers the facts, `ModeLogic` decides, and what the mode stands for is
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -26,20 +25,13 @@ from manifold_mpc_ros.control.input_gate import (
     StateGate,
     StateSample,
 )
-from manifold_mpc_ros.control.modes import (
-    PROPAGATE_STEPS,
-    Decision,
-    Facts,
-    Mode,
-    ModeLogic,
-    SolveOutcome,
-)
+from manifold_mpc_ros.control.modes import Decision, Facts, Mode, ModeLogic, SolveOutcome
 from manifold_mpc_ros.control.output_gate import OutputGate
+from manifold_mpc_ros.control.response.anticipation import Anticipation
+from manifold_mpc_ros.control.response.observer import ResponseObserver
 from manifold_mpc_ros.control.solver_thread import SolveRequest, SolveResult
 from manifold_mpc_ros.control.tick_time import TickTime
 from manifold_mpc_ros.control.torque_actuator import TorqueActuator
-from manifold_mpc_ros.control.torque_history import TorqueHistory
-from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.errors import StepExistenceError
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 
@@ -77,9 +69,9 @@ class ControlLoop:
         self.logic = ModeLogic(_ns(law.config.step_s), _ns(law.timeout_s))
         self.output = OutputGate(make_actuator(law.config))
         self._plan = HeldPlan(_ns(law.config.step_s))
-        self._sent = TorqueHistory(0)
         self._mode = Mode.WAIT
         self._epoch = 0
+        self._ahead = Anticipation(law)
         self._take(law)
         self.reset()
 
@@ -96,6 +88,7 @@ class ControlLoop:
     def exchange(self, law: Law) -> None:
         """Work with another law from the next tick on; the plan of the old one is still held."""
         self._law.solver.close()
+        self._ahead.take(law)
         self._take(law)
         self.output.set_actuator(self._make_actuator(law.config))
         self.logic.set_timeout(_ns(law.timeout_s))
@@ -109,8 +102,6 @@ class ControlLoop:
     def _take(self, law: Law) -> None:
         """Plan with this law from now on."""
         self._law = law
-        self._delay_ns = _ns(law.actuation_delay_s)
-        self._sent.kept_ns = self._delay_ns + PROPAGATE_STEPS * _ns(law.config.step_s)
         self._fallback = FallbackLaw(law.config)
         self.logic.consistency.bounds = law.motion
         self._cold = True
@@ -153,6 +144,11 @@ class ControlLoop:
         self._R_ND = R_ND
         self.commanded = True
 
+    @property
+    def observer(self) -> ResponseObserver | None:
+        """What watches how the body answers, if anything does."""
+        return self._law.observer
+
     def tick(self, at: TickTime) -> Command:
         """Return the command of this tick."""
         late = self._law.solver.late_result()
@@ -161,6 +157,8 @@ class ControlLoop:
         sample, time_ns = self.sample, at.time_ns(self.sample)
         age_ns = None if sample is None else at.age_ns(sample)
         facts, solution = Facts(age_ns), None
+        if sample is not None:
+            self._ahead.see(sample)
         if age_ns is not None and self.logic.wants_plan(age_ns):
             facts, solution = self._solve(time_ns, age_ns)
         held_B_n_m = self._plan.torque(time_ns)
@@ -171,7 +169,7 @@ class ControlLoop:
             self._actuate(decision, held_B_n_m, time_ns, age_ns or 0), decision.mode,
             decision.reason, _SOURCES.get(decision.mode, 'zero'), solution)
         self._mode = decision.mode
-        self._sent.record(time_ns, command.actuation.realised_B_n_m)
+        self._ahead.send(time_ns, decision.mode, command.actuation.realised_B_n_m)
         judged = self._judged(command, at)
         self.logic.succeed()
         return judged
@@ -182,20 +180,21 @@ class ControlLoop:
         self._mode = decision.mode
         self._flush('an error')
         stamp_ns = at.time_ns(None) if self.sample is None else self.sample.stamp_ns
-        self._sent.record(at.time_ns(self.sample), np.zeros(3))
+        self._ahead.send(at.time_ns(self.sample), decision.mode, np.zeros(3))
         return Command(stamp_ns, self.output.zero(), decision.mode, decision.reason)
 
     def stopped(self, now_ns: int) -> Command:
         """Return the last command, zero."""
         self.logic.stop()
-        self._sent.record(now_ns, np.zeros(3))
+        self._ahead.send(now_ns, Mode.STOPPING, np.zeros(3))
         return Command(
             now_ns, self.output.zero(), Mode.STOPPING, self.logic.decide(Facts(None)).reason)
 
     def _solve(self, time_ns: int, age_ns: int) -> tuple[Facts, AttitudeMpcSolution | None]:
         """Request a plan from the state at the tick; store it if it is better than the old one."""
         try:
-            R_NB, omega_BN_B = self._when_acting(time_ns, age_ns)
+            assert self.sample is not None
+            R_NB, omega_BN_B = self._ahead.state_when_acting(self.sample, time_ns, age_ns)
         except StepExistenceError as error:
             return Facts(age_ns, SolveOutcome.BEYOND_GUARD, detail=str(error)), None
         if self._fallback.beyond_guard(omega_BN_B):
@@ -204,7 +203,8 @@ class ControlLoop:
                 'the rate is beyond the guard of the implicit step')), None
         assert self._R_ND is not None
         result = self._law.solver.solve(SolveRequest(
-            time_ns, R_NB, omega_BN_B, self._R_ND, self._cold, self._epoch))
+            time_ns, R_NB, omega_BN_B, self._R_ND, self._cold, self._epoch,
+            self._ahead.disturbance_B_n_m))
         if result is None:
             return Facts(age_ns, SolveOutcome.NONE, detail='the solver is late'), None
         offer, solution = self._offer(result), result.solution
@@ -223,26 +223,6 @@ class ControlLoop:
             offer = self._plan.offer(result.solution, request.time_ns, request.R_ND)
         self._cold = offer is Offer.INVALID
         return offer
-
-    def _when_acting(self, time_ns: int, age_ns: int) -> tuple[FloatArray, FloatArray]:
-        """Return attitude and rate when a torque that is sent now begins to act.
-
-        The state is moved on by its age and the actuation delay, under the torques that were
-        sent in that time, one delay earlier.
-
-        Raises StepExistenceError where the implicit step is not guaranteed.
-        """
-        assert self.sample is not None
-        R_NB, omega_BN_B = self.sample.R_NB, self.sample.omega_BN_B
-        config = self._law.config
-        for lasting_ns, torque_B_n_m in self._sent.between(
-                time_ns - age_ns - self._delay_ns, time_ns):
-            steps = math.ceil(lasting_ns / NANOSECONDS / config.step_s)
-            for _ in range(steps):
-                R_NB, omega_BN_B = lgvi_step(
-                    R_NB, omega_BN_B, torque_B_n_m, inertia_kg_m2=config.inertia_kg_m2,
-                    step_s=lasting_ns / NANOSECONDS / steps)
-        return R_NB, omega_BN_B
 
     def _actuate(
         self, decision: Decision, held_B_n_m: FloatArray | None, time_ns: int, age_ns: int,
@@ -264,10 +244,12 @@ class ControlLoop:
         assert self.sample is not None
         assert self._R_ND is not None
         try:
-            state = self._when_acting(time_ns, age_ns)
+            state = self._ahead.state_when_acting(self.sample, time_ns, age_ns)
         except StepExistenceError:
             state = self.sample.R_NB, self.sample.omega_BN_B
-        return self._fallback.torque(*state, self._R_ND)
+        torque_B_n_m = self._fallback.torque(*state, self._R_ND)
+        disturbance = self._ahead.disturbance_B_n_m
+        return torque_B_n_m if disturbance is None else torque_B_n_m - disturbance
 
     def _judged(self, command: Command, at: TickTime) -> Command:
         """Return the command with what the monitor says about the tick."""
@@ -285,6 +267,7 @@ class ControlLoop:
     def _flush(self, why: str) -> None:
         """Forget plan and warm start, and end the bound on the next value."""
         self._plan.drop()
+        self._ahead.restart()
         self._epoch += 1
         self._cold = True
         self._void(why)

@@ -23,7 +23,8 @@ class SolveRequest:
     """A state to plan from: R_NB, omega_BN_B [rad/s] at ``time_ns`` [ns], to reach R_ND.
 
     ``cold`` asks to forget the warm start. ``epoch`` tells requests apart that were made before
-    everything was forgotten.
+    everything was forgotten. ``disturbance_B_n_m`` (3,) is the torque that acts unasked [N m],
+    None where nobody looks for one.
     """
 
     time_ns: int
@@ -32,6 +33,7 @@ class SolveRequest:
     R_ND: FloatArray
     cold: bool
     epoch: int = 0
+    disturbance_B_n_m: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +66,7 @@ class Solver(Protocol):
 
     def solve(
         self, R_NB: FloatArray, omega_BN_B: FloatArray, R_ND: FloatArray | None = None, *,
-        max_solve_time_s: float | None = None,
+        disturbance_B_n_m: FloatArray | None = None, max_solve_time_s: float | None = None,
     ) -> AttitudeMpcSolution:
         """Return the optimal torques from a measured state to the commanded attitude."""
 
@@ -78,6 +80,7 @@ def solve_with(solver: Solver, max_solve_time_s: float | None = None) -> Solve:
         if request.cold:
             solver.reset()
         return solver.solve(request.R_NB, request.omega_BN_B, request.R_ND,
+                            disturbance_B_n_m=request.disturbance_B_n_m,
                             max_solve_time_s=max_solve_time_s)
 
     return solve

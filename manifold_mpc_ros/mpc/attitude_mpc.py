@@ -56,10 +56,12 @@ class AttitudeMpc:
 
     def __init__(self, config: AttitudeMpcConfig, *, backend: str = 'auto',
                  cache_dir: str | Path | None = None,
-                 terminal: TerminalDesign | None = None) -> None:
+                 terminal: TerminalDesign | None = None, disturbed: bool = False) -> None:
         """Design the terminal set, then build or load the solver (seconds at the first start).
 
         ``terminal`` is the design where the caller has it already (horizon and cones aside).
+        ``disturbed`` builds the solver that takes disturbance torques at once, instead of when
+        the first one is given.
 
         Raises
         ------
@@ -72,26 +74,33 @@ class AttitudeMpc:
         self.config = config
         self.terminal: TerminalDesign = terminal or stored_design(config, cache_dir)
         self._unit = scaling_of(config)
-        structure = structure_of(config)
-        make, self.backend = load_solver(structure, config.horizon, backend, cache_dir)
+        self._built_with = backend, cache_dir
+        self._disturbance = np.zeros(3)
+        self._build(disturbed=disturbed)
+        inertia = config.inertia_kg_m2 / (self._unit.torque_n_m * self._unit.time_s ** 2)
+        self._guard_squared = float(np.linalg.eigvalsh(inertia)[0]) ** 2
+        self._R_ND = _IDENTITY
+
+    def _build(self, *, disturbed: bool) -> None:
+        """Load the solver and allocate its memory."""
+        config, self._built_disturbed = self.config, disturbed
+        structure = structure_of(config, disturbed=disturbed)
+        make, self.backend = load_solver(structure, config.horizon, *self._built_with)
 
         def solver_within(level: float) -> LocalSolver:
-            return make(numbers_of(config, self.terminal, level))
+            return make(numbers_of(config, self.terminal, level, structure))
 
         self._strict = solver_within(self.terminal.c)
         self._relaxed = solver_within(NO_LEVEL) if config.terminal_constraint else self._strict
         self._cones = ConeKeeper(config, self.terminal, self._strict, self._relaxed)
         self._finder = PlanFinder(config, self._strict, self._relaxed, self._cones)
-        inertia = config.inertia_kg_m2 / (self._unit.torque_n_m * self._unit.time_s ** 2)
-        self._guard_squared = float(np.linalg.eigvalsh(inertia)[0]) ** 2
-        self._R_ND = _IDENTITY
 
     def reset(self) -> None:
         """Forget the warm start; the next solve searches globally."""
         self._finder.reset()
 
     def solve(self, R_NB: ArrayLike, omega_BN_B: ArrayLike, R_ND: ArrayLike | None = None, *,
-              max_solve_time_s: float | None = None,
+              disturbance_B_n_m: ArrayLike | None = None, max_solve_time_s: float | None = None,
               directions_N: Mapping[str, ArrayLike] | None = None) -> AttitudeMpcSolution:
         """Map a measured state to a plan.
 
@@ -103,6 +112,12 @@ class AttitudeMpc:
             Body rate (3,) [rad/s].
         R_ND
             Commanded attitude (3, 3); the identity when None.
+        disturbance_B_n_m
+            Torque d (3,) that acts unasked, below the torque limits [N m]; none when None. The
+            plan is made in the net torque u, which the cost weighs, with ``u - d`` within the
+            limits; the torques of the solution are the commands ``u - d``. The terminal level
+            is cut by the square of ``min_i (1 - |d_i| / max_torque_i)``, so that the local law
+            keeps the limits that are left.
         max_solve_time_s
             Time [s] after which no pass and no start begins: the best plan so far is the answer,
             'feasible' instead of 'converged', or 'infeasible' when none has met every limit yet.
@@ -114,13 +129,14 @@ class AttitudeMpc:
         Raises
         ------
         ConfigurationError
-            For an array of another shape or an unknown name, or a direction that moves
-            so far in a step that nothing is left of its cone; what a state holds is judged by the
-            status.
+            For an array of another shape or an unknown name, a direction that moves so far in a
+            step that nothing is left of its cone, or a disturbance that is not below the limits;
+            what a state holds is judged by the status.
 
         """
         begin = time.perf_counter()
         deadline_s = math.inf if max_solve_time_s is None else time.monotonic() + max_solve_time_s
+        self._disturb(disturbance_B_n_m)
         self._cones.set_directions(directions_N)
         state = self._set_state(R_NB, omega_BN_B, R_ND)
         if state is None:
@@ -165,6 +181,25 @@ class AttitudeMpc:
         """By which angle the commanded attitude keeps each cone [rad]; negative: it is missing."""
         return self._cones.target_margins_rad
 
+    def _disturb(self, disturbance_B_n_m: ArrayLike | None) -> None:
+        """Plan in the net torque under this disturbance (3,) [N m] from now on."""
+        if disturbance_B_n_m is None and not self._disturbance.any():
+            return
+        limit = self.config.max_torque_n_m
+        bound = np.full(3, np.inf) if limit is None else limit
+        d = np.zeros(3) if disturbance_B_n_m is None else np.array(disturbance_B_n_m, dtype=float)
+        if d.shape != (3,) or not (np.abs(d) < bound).all():
+            raise ConfigurationError('disturbance_B_n_m', d.tolist(),
+                                     '3 finite numbers, each below the torque limit')
+        if limit is not None and not np.array_equal(d, self._disturbance):
+            if not self._built_disturbed:
+                self._build(disturbed=True)
+                self._cones.aim(self._R_ND)
+            for solver in {self._strict, self._relaxed}:
+                solver.disturb(d / self._unit.torque_n_m)
+            self._cones.leave((1.0 - float((np.abs(d) / limit).max())) ** 2)
+        self._disturbance = d
+
     def _aim(self, target: Array) -> None:
         """Forget the warm start where the commanded attitude has moved."""
         if error_angle(self.config, target.T @ self._R_ND) > SETPOINT_MOVED_RAD:
@@ -182,6 +217,8 @@ class AttitudeMpc:
         self._finder.keep(plan, report)
         cost = plan.progress.cost - report.penalties
         torques, poses = plan.torques * unit.torque_n_m, self._strict.poses()
+        if self._disturbance.any():
+            torques -= self._disturbance
         violation = max(report.violation, self._finder.missed(report))
         return AttitudeMpcSolution(
             torque_B_n_m=torques[0].copy(), torques_B_n_m=torques,

@@ -31,6 +31,7 @@ class ConeKeeper:
         self._ways = Ways(config) if config.cones else None
         self._R_ND, self._directions_N, self._margins = np.eye(3), np.zeros(0), np.zeros(0)
         self._kept = config.kept_cones
+        self._level, self._share = terminal.c, 1.0
         #: Whether the cones leave the target a terminal set.
         self.allowed = True
         self.set_directions(None)
@@ -59,8 +60,18 @@ class ConeKeeper:
         self._margins = target_margins_rad(self._config, self._kept, R_ND, self._directions_N)
         level = cut_level(self._terminal.c, self._margins, self._spread)
         self.allowed = level > 0.0
+        self._level = level or self._terminal.c
+        self._set_level()
+
+    def leave(self, share: float) -> None:
+        """Use only this part of the terminal level from now on."""
+        self._share = share
+        self._set_level()
+
+    def _set_level(self) -> None:
+        """Hand the level to the solver that has the terminal set."""
         if self._relaxed is not self._strict:
-            self._strict.set_level((level or self._terminal.c) / self._unit)
+            self._strict.set_level(self._share * self._level / self._unit)
 
     @property
     def target_margins_rad(self) -> dict[str, float]:

@@ -17,6 +17,7 @@ import numpy as np
 
 from manifold_mpc_ros.config.cones import Cone
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.mpc.lanes import aligned, blocks, copied, field_of
 from manifold_mpc_ros.mpc.library import Course, Library, LoopRecord, Solve
 from manifold_mpc_ros.mpc.program import fields as f
 from manifold_mpc_ros.mpc.program import options
@@ -25,9 +26,9 @@ from manifold_mpc_ros.mpc.program.layout import layout_of
 from manifold_mpc_ros.mpc.program.structure import Structure
 from manifold_mpc_ros.mpc.scaling import TERMINAL_LEVEL, Array
 from manifold_mpc_ros.mpc.stages.cone import cone_numbers
-from manifold_mpc_ros.mpc.stages.inequalities import cone_inequality
+from manifold_mpc_ros.mpc.stages.inequalities import cone_inequality, inequalities_of
+from manifold_mpc_ros.mpc.stages.torque_box import ShiftedTorqueBox
 
-_ALIGNMENT = 64
 # A slack below this is one of an inequality that holds the plan back.
 _TOUCHED = 1e-4
 
@@ -91,18 +92,18 @@ class Plan:
         self.progress = Progress(float('nan'), float('inf'), options.STALLED, 0)
         self.structure, self.horizon, self._lanes = structure, horizon, lanes
         rows = layout_of(structure).rows(Memory.TRAJECTORY)
-        self.memory = _aligned(_blocks(horizon, lanes) * rows * lanes)
+        self.memory = aligned(blocks(horizon, lanes) * rows * lanes)
         self.address = self.memory.ctypes.data
-        self._torque = _field_of(self.memory, structure, f.TORQUE, lanes)
+        self._torque = field_of(self.memory, structure, f.TORQUE, lanes)
 
     def field(self, field: Field) -> Array:
         """Return a field (N + 1, size), copied."""
-        return _copied(_field_of(self.memory, self.structure, field, self._lanes), self.horizon)
+        return copied(field_of(self.memory, self.structure, field, self._lanes), self.horizon)
 
     @property
     def torques(self) -> Array:
         """Torques (N, 3), dimensionless."""
-        return _copied(self._torque, self.horizon - 1)
+        return copied(self._torque, self.horizon - 1)
 
 
     def delay(self, plan: Plan) -> None:
@@ -111,31 +112,6 @@ class Plan:
         mine, other = (each.memory.reshape(-1, rows, self._lanes).transpose(0, 2, 1)
                        for each in (self, plan))
         mine[:] = np.roll(other.reshape(-1, rows), 1, axis=0).reshape(mine.shape)
-
-
-def _aligned(size: int) -> Array:
-    """Return zeros that begin at a multiple of the alignment."""
-    raw = np.zeros(size + _ALIGNMENT // 8)
-    skip = -raw.ctypes.data % _ALIGNMENT // 8
-    return raw[skip:skip + size]
-
-
-def _blocks(horizon: int, lanes: int) -> int:
-    """Return how many blocks of lanes hold N + 1 stages, one before them and one behind."""
-    return -(-(horizon + 1) // lanes) + 2
-
-
-def _field_of(memory: Array, structure: Structure, field: Field, lanes: int) -> Array:
-    """Return a field as it lies in its memory, (blocks from stage 0 on, lanes, size)."""
-    layout = layout_of(structure)
-    first = layout.first_row(field)
-    rows = memory.reshape(-1, layout.rows(field.memory), lanes)
-    return rows[1:, first:first + field.size, :].transpose(0, 2, 1)
-
-
-def _copied(blocks: Array, last: int) -> Array:
-    """Return stages 0 to ``last`` of a field, (last + 1, size)."""
-    return blocks.reshape(-1, blocks.shape[-1])[:last + 1]
 
 
 class LocalSolver:
@@ -148,9 +124,9 @@ class LocalSolver:
         self._library, lanes = library, library.lanes
         layout = layout_of(structure)
         self._sides = [Plan(structure, horizon, lanes) for _ in range(2)]
-        self._model = _aligned(_blocks(horizon, lanes) * layout.rows(Memory.MODEL) * lanes)
-        self._globals = _aligned(layout.rows(Memory.GLOBAL))
-        self._poses = _field_of(self._model, structure, f.POSE, lanes)
+        self._model = aligned(blocks(horizon, lanes) * layout.rows(Memory.MODEL) * lanes)
+        self._globals = aligned(layout.rows(Memory.GLOBAL))
+        self._poses = field_of(self._model, structure, f.POSE, lanes)
         self._first = {field: layout.first_row(field) for field in layout.fields(Memory.GLOBAL)}
         self._measured, self._state_report = self._first[f.MEASURED], self._first[f.STATE_REPORT]
         self._report = self._first[f.FIRST_COST]
@@ -213,7 +189,7 @@ class LocalSolver:
 
     def _set_nodes(self, field: Field, values: Array) -> None:
         """Write a field of the model at every node (N + 1, size); beyond them the last again."""
-        place = _field_of(self._model, self.structure, field, self._library.lanes)
+        place = field_of(self._model, self.structure, field, self._library.lanes)
         rest = len(place) * place.shape[1] - len(values)
         place[:] = np.pad(values, ((0, rest), (0, 0)), 'edge').reshape(place.shape)
 
@@ -242,6 +218,12 @@ class LocalSolver:
         usable = self._library.improve(self._address, plan.address, deadline_s)
         passes = int(self._solve.total_passes)
         return passes if usable else -passes
+
+    def disturb(self, disturbance: Array) -> None:
+        """Set the dimensionless disturbance torque (3,) that the torque box moves with."""
+        for each in inequalities_of(self.structure):
+            if isinstance(each, ShiftedTorqueBox):
+                self._global(each.data)[3:] = disturbance
 
     def set_body(self, inertia: Array, torque: Array) -> None:
         """Set the body that `follow` and `advance` move: inertia (3, 3), disturbance (3,)."""
@@ -295,4 +277,4 @@ class LocalSolver:
 
     def poses(self) -> Array:
         """Return R_NB row by row and dimensionless rate (N + 1, 12) of the plan reported last."""
-        return _copied(self._poses, self.horizon)
+        return copied(self._poses, self.horizon)

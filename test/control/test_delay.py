@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from scripted import CONFIG
 
 from manifold_mpc_ros.config.controller import ControllerConfig
-from manifold_mpc_ros.control.torque_history import TorqueHistory
+from manifold_mpc_ros.control.response.torque_history import TorqueHistory
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
@@ -41,6 +41,21 @@ def test_history_is_what_was_sent(gaps: list[int], begin: int, length: int) -> N
             for _ in range(lasting)]
     assert told == [sent[max((t for t in sent if t <= at), default=0)] if any(
         t <= at for t in sent) else 0.0 for at in range(begin, begin + length)]
+
+
+@given(st.lists(st.integers(1, 9), max_size=8), st.lists(st.integers(-5, 60), min_size=1),
+       st.integers(1, 30))
+def test_impulses_are_sums_of_what_was_sent(
+    gaps: list[int], begins: list[int], length: int,
+) -> None:
+    history, now = TorqueHistory(10**12), 0
+    for number, gap in enumerate(gaps, 1):
+        now += gap
+        history.record(now * 10**9, np.array([number, -number, 0.5]))
+    sums = [sum((lasting * torque for lasting, torque in history.between(
+        begin * 10**9, (begin + length) * 10**9)), np.zeros(3)) / 1e9 for begin in begins]
+    np.testing.assert_allclose(
+        history.impulses(np.array(begins) - 3.0, length, 3 * 10**9), sums, atol=1e-9)
 
 
 def test_history_forgets_what_is_old_and_what_was_sent_later_than_now() -> None:

@@ -39,7 +39,7 @@ class Feasibility:
         config = self._config = replace(config, terminal_constraint=True)
         structure = structure_of(config)
         make, self.backend = load_solver(structure, config.horizon, backend, cache_dir)
-        self._solver = make(numbers_of(config, terminal, terminal.c))
+        self._solver = make(numbers_of(config, terminal, terminal.c, structure))
         self._starts = search.starts(config)
         self._plan = self._solver.new_plan()
         self._unit = scaling_of(config)

@@ -7,15 +7,16 @@ from __future__ import annotations
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.mpc.program import fields as f
 from manifold_mpc_ros.mpc.program.field import Field
+from manifold_mpc_ros.mpc.program.structure import Structure
 from manifold_mpc_ros.mpc.scaling import Array, flat_parameters, scaling_of
-from manifold_mpc_ros.mpc.stages.inequalities import inequalities_of, structure_of
+from manifold_mpc_ros.mpc.stages.inequalities import inequalities_of
 from manifold_mpc_ros.terminal.design import TerminalDesign
 
 
-def numbers_of(config: AttitudeMpcConfig, terminal: TerminalDesign, level: float
-               ) -> dict[Field, Array]:
+def numbers_of(config: AttitudeMpcConfig, terminal: TerminalDesign, level: float,
+               structure: Structure) -> dict[Field, Array]:
     """Map a configuration, its terminal design and a terminal level to the global fields."""
     unit = scaling_of(config)
     limits = {each.data: each.numbers(config, unit)
-              for each in inequalities_of(structure_of(config)) if each.data.size}
+              for each in inequalities_of(structure) if each.data.size}
     return {f.PARAMETER: flat_parameters(config, terminal.P, terminal.K, level), **limits}

@@ -22,15 +22,18 @@ from manifold_mpc_ros.mpc.stages.inequality import (
 from manifold_mpc_ros.mpc.stages.rate_box import RateBox
 from manifold_mpc_ros.mpc.stages.rate_ellipsoid import RateEllipsoid
 from manifold_mpc_ros.mpc.stages.terminal_level import TerminalLevel
-from manifold_mpc_ros.mpc.stages.torque_box import TorqueBox
+from manifold_mpc_ros.mpc.stages.torque_box import ShiftedTorqueBox, TorqueBox
 
 KINDS: tuple[type[Inequality], ...] = (
     TorqueBox, RateBox, RateEllipsoid, ConeInequality, TerminalLevel)
+#: What takes the place of a kind where a disturbance torque acts.
+DISTURBED: dict[type[Inequality], type[Inequality]] = {TorqueBox: ShiftedTorqueBox}
 
 
-def structure_of(config: AttitudeMpcConfig) -> Structure:
+def structure_of(config: AttitudeMpcConfig, *, disturbed: bool = False) -> Structure:
     """Map a configuration to the structure that its solver is generated for."""
-    rows = ((kind.name, kind.rows_in(config)) for kind in KINDS)
+    kinds = [DISTURBED.get(kind, kind) for kind in KINDS] if disturbed else KINDS
+    rows = ((kind.name, kind.rows_in(config)) for kind in kinds)
     return Structure(config.forcing == 'symmetric', config.target == 'pointing',
                      tuple((name, count) for name, count in rows if count))
 
@@ -38,7 +41,7 @@ def structure_of(config: AttitudeMpcConfig) -> Structure:
 @cache
 def inequalities_of(structure: Structure) -> tuple[Inequality, ...]:
     """Return the inequalities of a structure."""
-    kinds = {kind.name: kind for kind in KINDS}
+    kinds = {kind.name: kind for kind in (*KINDS, *DISTURBED.values())}
     return tuple(kinds[name](rows) for name, rows in structure.rows)
 
 

@@ -6,10 +6,12 @@ from __future__ import annotations
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
+from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.control.command import Command
 from manifold_mpc_ros.control.control_loop import ControlLoop
 from manifold_mpc_ros.control.decrease_record import Decrease
 from manifold_mpc_ros.control.modes import Mode
+from manifold_mpc_ros.control.response.observer import ResponseObserver
 from manifold_mpc_ros.nodes.managed_node import Status
 
 _LEVELS = {
@@ -44,7 +46,29 @@ def status_of(command: Command | None, loop: ControlLoop, waiting: str) -> Statu
             solve_time_us=solution.solve_time_s * 1e6, cost=float(solution.cost))
     if command.decrease is not None:
         _add_decrease(status, command)
+    if loop.observer is not None:
+        _add_response(status, loop.observer)
     return status
+
+
+def _add_response(status: Status, observer: ResponseObserver) -> None:
+    """Add to a status how the body answers, and the warning if it is not as declared."""
+    delay = observer.delay
+    status.values.update(
+        disturbance_n_m=_numbers(observer.disturbance_B_n_m),
+        disturbance_std_n_m=_numbers(observer.disturbance_std_n_m),
+        measured_delay_s=delay.measured_s, measured_delay_std_s=delay.std_s,
+        planned_delay_s=delay.delay_s)
+    if delay.disagrees:
+        status.level = max(status.level, DiagnosticStatus.WARN)
+        status.message += (
+            f'; torque acts {delay.measured_s:.3g} s after its command, not '
+            f'{delay.declared_s:g} s as declared: planned with what is measured')
+
+
+def _numbers(values: FloatArray) -> str:
+    """Return a vector as text."""
+    return ' '.join(f'{value:.6g}' for value in values)
 
 
 def _add_decrease(status: Status, command: Command) -> None:

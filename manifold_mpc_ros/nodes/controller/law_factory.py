@@ -10,11 +10,14 @@ from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
+import numpy as np
+
 from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.control.command import Law
 from manifold_mpc_ros.control.consistency import MotionBounds
 from manifold_mpc_ros.control.decrease_monitor import monitor_for
 from manifold_mpc_ros.control.exit_with_parent import end_with_parent
+from manifold_mpc_ros.control.response.observer import ResponseObserver, ResponseSettings
 from manifold_mpc_ros.control.solver_thread import (
     DirectSolver,
     Solver,
@@ -29,6 +32,8 @@ from manifold_mpc_ros.terminal.design import TerminalDesign
 SOLVER_BUDGET = 0.6
 #: Part of a tick after which the solver hands over the best that it has.
 SOLVER_TIME = 0.5
+#: Of the attitude's noise, so many standard deviations are `monitor.attitude_noise_rad`.
+NOISE_DEVIATIONS = 4.0
 #: A process that builds a solver in the background is this much nicer than the node.
 BUILDER_NICENESS = 10
 
@@ -41,7 +46,18 @@ def law_with(
         config.mpc, solver.terminal.P, decrease_tolerance=config.decrease_tolerance,
         attitude_noise_rad=config.attitude_noise_rad)
     return Law(config.mpc, runner_for(solver, config, prepare), config.state_timeout_s, monitor,
-               solver.backend, config.actuation_delay_s, MotionBounds.from_config(config))
+               solver.backend, config.actuation_delay_s, MotionBounds.from_config(config),
+               observer_for(config))
+
+
+def observer_for(config: ControllerConfig) -> ResponseObserver | None:
+    """Return what watches the response, None with no delay declared and no estimate asked for."""
+    if not config.estimate_disturbance and not config.actuation_delay_s:
+        return None
+    return ResponseObserver(config.mpc, ResponseSettings(
+        config.rate_noise_rad_s, config.attitude_noise_rad / NOISE_DEVIATIONS,
+        config.drift_n_m, np.broadcast_to(config.max_disturbance_n_m, 3),
+        config.estimate_disturbance), config.actuation_delay_s)
 
 
 def runner_for(
@@ -74,4 +90,5 @@ def _stand_back() -> None:
 
 def _design(config: ControllerConfig) -> TerminalDesign:
     """Return the terminal design; the built solver stays in the cache on disk."""
-    return AttitudeMpc(config.mpc, backend=config.backend).terminal
+    return AttitudeMpc(
+        config.mpc, backend=config.backend, disturbed=config.estimate_disturbance).terminal

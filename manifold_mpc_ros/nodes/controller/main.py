@@ -28,6 +28,7 @@ PROGRAM = Program(
     publishes=(
         *command_topics(),
         ('~/prediction', 'nav_msgs/msg/Path', 'predicted attitudes'),
+        ('~/disturbance', 'geometry_msgs/msg/WrenchStamped', 'estimated disturbance torque'),
         ('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'mode, solver, refusals'),
         BOND,
     ),

@@ -8,9 +8,7 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 from geometry_msgs.msg import Vector3Stamped
-from nav_msgs.msg import Path
 
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.controller import ControllerConfig
@@ -34,6 +32,7 @@ from manifold_mpc_ros.mpc.target import attitude_towards
 from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.command_output import CommandOutput
 from manifold_mpc_ros.nodes.controller.diagnostics import status_of
+from manifold_mpc_ros.nodes.controller.insight import Insight
 from manifold_mpc_ros.nodes.controller.law_factory import law_with
 from manifold_mpc_ros.nodes.controller.realtime import Realtime
 from manifold_mpc_ros.nodes.controller.run_time_parameters import LawChanges
@@ -87,7 +86,7 @@ class AttitudeControllerNode(ManagedNode):
         self._said: tuple[tuple[object, ...], float] = ((), 0.0)
         self._output = CommandOutput(
             self, config.command_sink, config.body_frame_id, config.full_scale_torque_n_m)
-        self._prediction = self.advertise(Path, '~/prediction')
+        self._insight = Insight(self)
         self._states = StateInput(
             self, config.state_source, STATE_QOS, self._on_state, self._on_duplicate)
         self._setpoint_inputs = [SetpointInput(
@@ -104,7 +103,7 @@ class AttitudeControllerNode(ManagedNode):
         for setpoints in self._setpoint_inputs:
             setpoints.close()
         self._output.close()
-        self.destroy_lifecycle_publisher(self._prediction)
+        self._insight.close()
 
     def start(self) -> None:
         """Wait for the first state, ticking already unless in lockstep."""
@@ -164,7 +163,8 @@ class AttitudeControllerNode(ManagedNode):
         self, config: ControllerConfig, terminal: TerminalDesign | None,
     ) -> AttitudeMpc:
         """Design the terminal set where it is not known yet, and build or load the solver."""
-        return AttitudeMpc(config.mpc, backend=config.backend, terminal=terminal)
+        return AttitudeMpc(config.mpc, backend=config.backend, terminal=terminal,
+                           disturbed=config.estimate_disturbance)
 
     def _build_law(self, config: ControllerConfig, terminal: TerminalDesign | None = None) -> Law:
         """Return what a configuration works with."""
@@ -270,12 +270,7 @@ class AttitudeControllerNode(ManagedNode):
         if decrease is not None and decrease.burst:
             self.get_logger().warning(f'tick {self._ticks}: {decrease.reason}')
         self._say_what_is_new(command)
-        if command.solution is not None and self._prediction.get_subscription_count() > 0:
-            pointing = self._config.mpc.target == 'pointing'
-            axis_B = self._config.mpc.pointing_axis_B if pointing else np.eye(3)[0]
-            self._prediction.publish(messages.to_path(
-                command.stamp_ns, self._config.mpc.step_s, command.solution.R_NB,
-                self._config.inertial_frame_id, axis_B))
+        self._insight.publish(command, self._law.observer, self._config)
 
     def _say_what_is_new(self, command: Command) -> None:
         """Publish diagnostics in lockstep, when something has changed, and now and then."""

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.control.input_gate import NANOSECONDS
 
 _NONE = np.zeros(3)
 
@@ -48,3 +49,15 @@ class TorqueHistory:
                 torque = following
         if begin_ns < end_ns:
             yield end_ns - begin_ns, torque
+
+    def impulses(self, begins_s: FloatArray, lasting_s: float, epoch_ns: int) -> FloatArray:
+        """Return the impulses (n, 3) [N m s] over windows of this length, begun after an epoch."""
+        if not self._sent:
+            return np.zeros((len(begins_s), 3))
+        times = np.array([sent_ns - epoch_ns for sent_ns, _ in self._sent]) / NANOSECONDS
+        times = np.append(times, max(times[-1], float(np.max(begins_s)) + lasting_s) + lasting_s)
+        torques = np.array([torque for _, torque in self._sent])
+        sums = np.vstack([np.zeros(3), np.cumsum(np.diff(times)[:, None] * torques, axis=0)])
+        return np.stack([
+            np.interp(begins_s + lasting_s, times, total) - np.interp(begins_s, times, total)
+            for total in sums.T], axis=1)

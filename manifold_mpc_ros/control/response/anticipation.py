@@ -1,0 +1,83 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Where the body will be when a torque that is sent now begins to act."""
+
+from __future__ import annotations
+
+from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.control.command import Law
+from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample
+from manifold_mpc_ros.control.modes import ACTING, Mode
+from manifold_mpc_ros.control.response.prediction import moved_on
+from manifold_mpc_ros.control.response.torque_history import TorqueHistory
+
+#: Torques sent are kept for the longest delay and so many steps.
+KEPT_STEPS = 6
+_NEVER_NS = 2 ** 63
+
+
+class Anticipation:
+    """The torques sent, and what the law's observer says of the torque and the delay to come."""
+
+    def __init__(self, law: Law) -> None:
+        """Start with no torque sent."""
+        self._sent = TorqueHistory(0)
+        self._mode, self._acting_since_ns = Mode.WAIT, _NEVER_NS
+        self._law = law
+        self.take(law)
+
+    def take(self, law: Law) -> None:
+        """Work for this law from now on, with the estimates so far."""
+        delay_s = law.actuation_delay_s
+        if law.observer is not None:
+            delay_s = law.observer.delay.longest_s
+            if self._law.observer is not None:
+                law.observer.take_over(self._law.observer)
+        self._sent.kept_ns = _ns(delay_s + KEPT_STEPS * law.config.step_s)
+        self._law = law
+
+    def restart(self) -> None:
+        """Compare no state with those so far."""
+        if self._law.observer is not None:
+            self._law.observer.restart()
+
+    def see(self, sample: StateSample) -> None:
+        """Take the latest state into account."""
+        if self._law.observer is not None:
+            self._law.observer.observe(sample, self._sent, self._acting_since_ns)
+
+    def send(self, time_ns: int, mode: Mode, realised_B_n_m: FloatArray) -> None:
+        """Note the torque (3,) [N m] that is sent in a mode; our own are those of acting modes."""
+        if mode not in ACTING:
+            self._acting_since_ns = _NEVER_NS
+        elif self._mode not in ACTING:
+            self._acting_since_ns = time_ns
+        self._mode = mode
+        self._sent.record(time_ns, realised_B_n_m)
+
+    @property
+    def disturbance_B_n_m(self) -> FloatArray | None:
+        """The torque (3,) [N m] that acts unasked, None where nobody looks for one."""
+        return None if self._law.observer is None else self._law.observer.compensated_B_n_m
+
+    def state_when_acting(
+        self, sample: StateSample, time_ns: int, age_ns: int,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return attitude and rate when a torque that is sent at ``time_ns`` begins to act.
+
+        The state is moved on by its age and the actuation delay, under the torques that were
+        sent in that time, one delay earlier.
+
+        Raises StepExistenceError where the implicit step is not guaranteed.
+        """
+        law, disturbance = self._law, self.disturbance_B_n_m
+        delay_s = law.actuation_delay_s if law.observer is None else law.observer.delay.delay_s
+        torques = self._sent.between(time_ns - age_ns - _ns(delay_s), time_ns)
+        if disturbance is not None:
+            torques = ((lasting_ns, torque + disturbance) for lasting_ns, torque in torques)
+        return moved_on(sample.R_NB, sample.omega_BN_B, torques, law.config)
+
+
+def _ns(seconds: float) -> int:
+    """Return seconds in nanoseconds."""
+    return round(seconds * NANOSECONDS)
