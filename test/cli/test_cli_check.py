@@ -80,3 +80,19 @@ def test_any_flipped_bit_is_told_and_never_a_traceback(command: Command, tmp_pat
         assert status in (1, 2)
         assert err.count('\n') == (status == 2)
         assert 'recording' in out or 'FAIL' in out or status == 2
+
+
+def test_a_foreign_bag_is_judged_by_a_scenario_file(command: Command, tmp_path: Path) -> None:
+    """Its topics by options, the limits of a file; the scenario of another bag does not count."""
+    scenario = tmp_path / 'theirs.yaml'
+    scenario.write_text('{description: theirs, duration_s: 6.0, acceptance: {'
+                        'peak_rate_rad_s: [1.0, 1.0, 1.0], final_error_deg: 200.0}}')
+    bag = GOLDEN / 'mistuned.mcap'
+    status, out, err = command('check', bag, '--scenario', scenario, '--state', '/odometry')
+    assert (status, err) == (0, ''), out
+    assert 'settle_time_s' not in out
+    status, out, err = command('check', bag, '--scenario', scenario, '--state', '/elsewhere')
+    assert (status, out) == (2, '')
+    assert 'no state can be read on /elsewhere; the topics are ' in err
+    status, _, err = command('check', bag, '--scenario', tmp_path / 'none.yaml')
+    assert (status, err.count('\n')) == (2, 1)

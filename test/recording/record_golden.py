@@ -22,7 +22,7 @@ def record(scenario: Path, folder: Path) -> bool:
     bag = folder / scenario.stem
     if main(['record', str(scenario), '--compress', '-o', str(bag)]) != 0:
         return False
-    shutil.copyfile(bag / f'{scenario.stem}.mcap', scenario.with_suffix('.mcap'))
+    shutil.copyfile(bag / f'{scenario.stem}_0.mcap', scenario.with_suffix('.mcap'))
     return True
 
 

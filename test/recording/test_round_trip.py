@@ -86,7 +86,7 @@ def test_the_library_reads_the_same(storage: str, tmp_path: Path) -> None:
 def test_the_reference_reader_of_mcap_reads_the_same(tmp_path: Path) -> None:
     reader = pytest.importorskip('mcap.reader')
     path = write_bag(tmp_path / 'bag', MESSAGES)
-    with (path / 'bag.mcap').open('rb') as file:
+    with (path / 'bag_0.mcap').open('rb') as file:
         mcap = reader.make_reader(file, validate_crcs=True)
         assert mcap.get_header().profile == 'ros2'
         assert mcap.get_summary().statistics.message_count == len(MESSAGES) + 1
@@ -123,7 +123,7 @@ def test_metadata_is_what_rosbag2_specifies(storage: str, tmp_path: Path) -> Non
 def test_a_long_run_has_many_chunks(tmp_path: Path) -> None:
     messages = run_messages(200)
     path = write_bag(tmp_path / 'bag', messages)
-    assert (path / 'bag.mcap').stat().st_size > 2 * CHUNK_BYTES
+    assert (path / 'bag_0.mcap').stat().st_size > 2 * CHUNK_BYTES
     assert list(read_bag(path).messages[1:]) == messages
 
 

@@ -142,7 +142,9 @@ def test_pose_and_twist_are_joined_by_stamp(tmp_path: Path) -> None:
     run = read_run(foreign(tmp_path / 'bag', [*pose, *twist]),
                    TopicNames(state='', pose='/pose', twist='/twist'))
     assert run.states.omega_BN_B[:, 0].tolist() == [1.0, 2.0, 3.0]
-    assert run.warnings == ('2 states lack the attitude or the rate',)
+    assert run.warnings == (
+        '/pose with /twist: 1 of 5: no attitude; one that has it is 1e-09 s away or more',
+        '/pose with /twist: 1 of 5: no rate; one that has it is 1e-09 s away or more')
 
 
 def test_no_state_is_an_error_that_names_the_topics(tmp_path: Path) -> None:
@@ -158,8 +160,9 @@ def test_a_message_that_cannot_be_read_is_one_warning(tmp_path: Path) -> None:
                 RawMessage('/odometry', START_NS + 10**6, 0, b'\x00\x01\x00\x00short')]
     run = read_run(write_bag(tmp_path / 'bag', messages))
     assert len(run.states) == 2
-    assert len(run.warnings) == 2
-    assert all('could not be read as nav_msgs/msg/Odometry' in each for each in run.warnings)
+    unusable, unreadable = run.warnings
+    assert unusable == '/odometry: 1 of 4: the quaternion (0, 0, 0, 0) is not of unit length'
+    assert unreadable.startswith('/odometry: 1 of 4: could not be read as nav_msgs/msg/Odometry (')
 
 
 def test_a_description_outlives_its_json() -> None:

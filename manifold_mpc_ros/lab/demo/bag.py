@@ -91,12 +91,7 @@ class DemoBag:
         duration_s: float,
     ) -> None:
         """Write what has come since a stamp, with the scenario that the demo was."""
-        from manifold_mpc_ros.lab.recording.bags.contents import (
-            CUSTOM_DESCRIPTION,
-            CUSTOM_OUTCOME,
-            CUSTOM_SCENARIO,
-            RunDescription,
-        )
+        from manifold_mpc_ros.lab.recording.bags.contents import CUSTOM_OUTCOME, RunDescription
         controller, simulator = (
             dict(read_parameter_file(file, node)) for file, node in zip(
                 files, (CONTROLLER_NAME, SIMULATOR_NAME), strict=True))
@@ -107,14 +102,13 @@ class DemoBag:
             controller_parameters=controller, simulator_parameters=simulator,
             topics=self._roles())
         self._described = True
-        self._recorder.begin(first_ns)
         try:
+            self._writer.add_description(description, self._recorder.first_receipt_ns)
+            self._recorder.begin(first_ns)
             self._recorder.tend()
         except BagError as problem:
             self.failure = str(problem)
-        self._writer.add_custom({
-            CUSTOM_SCENARIO: text, CUSTOM_DESCRIPTION: description.to_json(),
-            CUSTOM_OUTCOME: 'complete'})
+        self._writer.add_outcome({CUSTOM_OUTCOME: 'complete'})
 
     def _record(self) -> None:
         """Take in what comes until the end."""

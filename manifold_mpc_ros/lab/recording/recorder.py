@@ -14,14 +14,7 @@ from manifold_mpc_ros.cli import provenance
 from manifold_mpc_ros.cli.processes import Interrupts, NodeProcess, NodeProcesses
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, SIMULATOR_NAME
 from manifold_mpc_ros.errors import ManifoldMpcError
-from manifold_mpc_ros.lab.recording.bags.contents import (
-    CUSTOM_DESCRIPTION,
-    CUSTOM_SCENARIO,
-    DESCRIPTION_TOPIC,
-    DESCRIPTION_TYPE,
-    BagTopic,
-    RunDescription,
-)
+from manifold_mpc_ros.lab.recording.bags.contents import RunDescription
 from manifold_mpc_ros.lab.recording.bags.writer import BagWriter
 from manifold_mpc_ros.lab.recording.record_plan import PREDICTION, RecordPlan
 
@@ -149,10 +142,7 @@ class Recording:
             backend=self._recorder.controller['backend'],
             controller_parameters=parameters[CONTROLLER_NAME],
             simulator_parameters=parameters[SIMULATOR_NAME], topics=self._plan.roles)
-        text = description.to_json()
-        self._writer.add_custom({CUSTOM_DESCRIPTION: text, CUSTOM_SCENARIO: self._scenario.text})
-        self._writer.add_topic(BagTopic(DESCRIPTION_TOPIC, DESCRIPTION_TYPE, qos=(LATCHED,)))
-        self._writer.add_text(DESCRIPTION_TOPIC, text, self._recorder.first_receipt_ns)
+        self._writer.add_description(description, self._recorder.first_receipt_ns)
 
     def _stop_and_go(self, elapsed_s: float) -> None:
         """Take the processor from the controller, or give it back."""
@@ -193,13 +183,3 @@ def _ended(node: NodeProcess) -> str:
     how = f'with exit status {status}' if status >= 0 else \
         f'by signal {signal.Signals(-status).name}'
     return f'the {node.name} ended by itself {how}: {node.last_words()}'
-
-
-#: What the description of the run is offered with: it is there for whoever comes late.
-_ENDLESS = {'sec': 9223372036, 'nsec': 854775807}
-LATCHED = {
-    'history': 'keep_last', 'depth': 1, 'reliability': 'reliable',
-    'durability': 'transient_local', 'deadline': _ENDLESS, 'lifespan': _ENDLESS,
-    'liveliness': 'automatic', 'liveliness_lease_duration': _ENDLESS,
-    'avoid_ros_namespace_conventions': False,
-}

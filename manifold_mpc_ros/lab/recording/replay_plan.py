@@ -47,8 +47,8 @@ class ReplayPlan:
     ) -> ReplayPlan:
         """Plan the replay of a bag.
 
-        The controller gets the parameters that it had, or those of a file. A recording that
-        was not in lockstep is replayed as fast as it was recorded, unless a rate is given.
+        The controller gets the parameters that it had, or those of a file. Unless the bag proves
+        that it was in lockstep, it is replayed as fast as it was recorded, or at the rate given.
 
         Raises ConfigurationError, and BagError when there is nothing to give.
         """
@@ -58,8 +58,8 @@ class ReplayPlan:
             parameters['mpc.backend'] = backend
         config = ControllerConfig.from_parameters(parameters)
         feed = feed_of(recorded, config)
-        if rate is None and recorded.scenario is not None and not recorded.scenario.lockstep:
-            rate = recorded.scenario.clock_factor
+        if rate is None and not recorded.lockstep:
+            rate = 1.0 if recorded.scenario is None else recorded.scenario.clock_factor
         if rate is None and len(recorded.commands):
             feed = feed.at(map(int, recorded.commands.stamp_ns))
         elif rate is None:
@@ -83,7 +83,7 @@ class ReplayPlan:
     def _answers(self) -> CommandSeries:
         """The recorded torques that the controller computed, those before any state left out."""
         commands, ticks = self.recorded.commands, self.recorded.ticks
-        if self.recorded.scenario is None or self.recorded.scenario.lockstep:
+        if self.recorded.lockstep:
             return commands
         idle = {int(tick) - 1 for tick, source in zip(ticks.tick, ticks.source, strict=True)
                 if source == 'zero'}
@@ -109,7 +109,7 @@ class ReplayPlan:
         if self.rate is not None:
             return PACED_TOLERANCE_N_M
         noted = self.recorded.description
-        same = bool(noted.versions) and noted.backend == backend \
+        same = bool(noted.versions) and self.recorded.backend == backend \
             and dict(noted.versions) == provenance.versions(noted.versions.get('rmw', ''))
         return 0.0 if same else OTHER_BUILD_TOLERANCE_N_M
 
@@ -132,11 +132,12 @@ class ReplayPlan:
 
 def _parameters(recorded: BagRun, config_file: Path | None) -> dict[str, Value]:
     """Return the controller's parameters: of a file, of the recording, or the shipped ones."""
-    if config_file is None and recorded.scenario is not None:
-        noted = recorded.description.controller_parameters
+    noted = recorded.description.controller_parameters
+    if config_file is None and (noted or recorded.scenario is not None):
         known = {spec.name: noted[spec.name] for spec in CONTROLLER_PARAMETERS
                  if spec.name in noted}
-        given = {**recorded.scenario.controller_parameters, **known}
+        scenario = recorded.scenario
+        given = {**(scenario.controller_parameters if scenario else {}), **known}
         return resolve_parameters(CONTROLLER_PARAMETERS, given, complete=False)
     path = shared.controller_config_path(config_file)
     return resolve_parameters(

@@ -166,7 +166,7 @@ def _inputs(plan: RecordPlan, recorder: BagRecorder) -> RunInputs:
 
 @contextmanager
 def _outcome(writer: BagWriter) -> Iterator[dict[str, str]]:
-    """Write into the metadata how the recording ended, before the bag is closed."""
+    """Write how the recording ended, before the bag is closed."""
     notes = {'outcome': 'interrupted'}
     try:
         yield notes
@@ -174,7 +174,7 @@ def _outcome(writer: BagWriter) -> Iterator[dict[str, str]]:
         notes['outcome'] = f'failed: {error}'
         raise
     finally:
-        writer.add_custom(notes)
+        writer.add_outcome(notes)
 
 
 @contextmanager

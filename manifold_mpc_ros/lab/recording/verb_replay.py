@@ -30,7 +30,7 @@ EXAMPLES = """\
   manifold-mpc replay my_bag --rate 2
       by the stamps of the states, twice as fast as real time
   manifold-mpc replay theirs.mcap --pose /pose --twist /twist --controller-config mine.yaml
-      a bag from another stack; its torques are compared when --torque names them"""
+      a bag from another stack, by its stamps"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,9 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('bag', type=Path, metavar='BAG', help='a bag: folder or storage file')
     parser.add_argument(
         '--rate', type=shared.positive_number, metavar='FACTOR',
-        help='give the states by their stamps, FACTOR times as fast as real time (default: in '
-             'lockstep, each when the one before has been answered; a recording that was not in '
-             'lockstep as fast as it was recorded)')
+        help='give the states by their stamps, FACTOR times as fast as real time (default: as '
+             'fast as it was recorded; a recording that was in lockstep, each state when the one '
+             'before has been answered)')
     parser.add_argument(
         '--tolerance', type=_tolerance, metavar='N_M',
         help='largest difference of a torque about any axis [N m]; 0 means the same bits '
@@ -69,8 +69,10 @@ def run(arguments: argparse.Namespace) -> int:
     console = report.make_console()
     for warning in recorded.warnings:
         console.print(f'damaged: {warning}', soft_wrap=True, markup=False)
+    for note in recorded.notes:
+        console.print(f'note: {note}', soft_wrap=True, markup=False)
     result = replay(plan, console, arguments.start_limit)
-    compared = recorded.scenario is not None or arguments.topic_torque is not None
+    compared = len(recorded.commands) or recorded.scenario or arguments.topic_torque
     tolerance = arguments.tolerance
     if tolerance is None:
         tolerance = plan.default_tolerance_n_m(result.backend)
@@ -81,10 +83,10 @@ def run(arguments: argparse.Namespace) -> int:
          + ('in lockstep' if plan.rate is None
             else f'{plan.rate:g} times as fast as real time')),
         ('controller', f'backend {result.backend}; the recording had '
-         f'{recorded.description.backend or "an unknown one"}'),
+         f'{recorded.backend or "an unknown one"}'),
         ('answers', f'{len(result.torques)} torques'),
         *(_compared_rows(comparison, tolerance) if comparison is not None else
-          [('compared', 'with nothing (--torque names recorded torques)')]),
+          [('compared', 'with nothing: there are no torques in the bag')]),
     ]))
     if comparison is None:
         return 0 if result.torques else 1

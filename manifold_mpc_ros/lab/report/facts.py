@@ -33,8 +33,10 @@ def facts(run: BagRun) -> Iterator[tuple[str, str]]:
         names = ('manifold_mpc_ros', 'revision', 'casadi', 'ros_distro', 'rmw')
         yield 'software', ', '.join(f'{name} {versions[name]}' for name in names
                                     if name in versions)
-    if run.description.backend:
-        yield 'solver', f'backend {run.description.backend}'
+    if run.backend:
+        yield 'solver', f'backend {run.backend}'
+    for note in run.notes:
+        yield 'note', note
 
 
 def _controller(config: AttitudeMpcConfig) -> Iterator[tuple[str, str]]:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import functools
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
@@ -30,6 +31,9 @@ from manifold_mpc_ros.lab.recording.scenarios.scenario import Scenario
 from manifold_mpc_ros.mpc.target import attitude_towards
 
 Decoded = TypeVar('Decoded')
+#: Time of receipt [ns], attitude and rate of one stamp; what has not come is None.
+_Joined = tuple[int, FloatArray | None, FloatArray | None]
+_NUMBER = re.compile(r'-?\d[-+.\de]*')
 
 
 @functools.cache
@@ -39,41 +43,57 @@ def shipped_scenario() -> Scenario:
 
 
 class Source:
-    """A bag as a source of series; what is wrong is added to ``warnings``."""
+    """A bag as a source of series; what is wrong is added to ``warnings``, the rest to ``notes``.
 
-    def __init__(self, contents: BagContents, warnings: list[str]) -> None:
-        """Keep both."""
-        self._contents, self._warnings = contents, warnings
+    Messages of a topic that cannot be used for the same reason are one line with their number.
+    """
+
+    def __init__(self, contents: BagContents, warnings: list[str], notes: list[str]) -> None:
+        """Keep them."""
+        self._contents, self._warnings, self._notes = contents, warnings, notes
 
     def states(self, state: str, pose: str, twist: str) -> StateSeries:
         """Return the states of one topic, or of a pose joined with a twist by equal stamps."""
-        joined: dict[int, tuple[int, FloatArray | None, FloatArray | None]] = {}
+        joined: dict[int, _Joined] = {}
         repeats = 0
         for topic in filter(None, (state,) if state else (pose, twist)):
-            seen: set[int] = set()
-            for sample in self._samples(topic):
-                if sample.stamp_ns in seen:
-                    repeats += 1
-                    continue
-                seen.add(sample.stamp_ns)
-                received_ns, R_NB, omega = joined.get(
-                    sample.stamp_ns, (sample.received_ns, None, None))
-                value = sample.value
-                joined[sample.stamp_ns] = (
-                    max(received_ns, sample.received_ns),
-                    value.R_NB if value.R_NB is not None else R_NB,
-                    value.omega_BN_B if value.omega_BN_B is not None else omega)
+            samples = self._samples(topic)
+            repeats += self._join(topic, samples, joined)
         whole = {stamp: entry for stamp, entry in sorted(joined.items())
                  if entry[1] is not None and entry[2] is not None}
-        if len(whole) < len(joined):
-            self._warnings.append(
-                f'{len(joined) - len(whole)} states lack the attitude or the rate')
+        self._warnings += _lacking(state or f'{pose} with {twist}', joined,
+                                   reported=self._kind(state) == decode.IMU)
         stamps = _integers(list(whole))
         return StateSeries(
             stamps, _seconds(stamps, int(stamps[0]) if len(stamps) else 0),
             _integers([entry[0] for entry in whole.values()]),
             np.array([entry[1] for entry in whole.values()]).reshape(-1, 3, 3),
             np.array([entry[2] for entry in whole.values()]).reshape(-1, 3), repeats)
+
+    def _join(
+        self, topic: str, samples: Sequence[Stamped[StateValue]], joined: dict[int, _Joined],
+    ) -> int:
+        """Add the states of a topic to those of equal stamps; return how many were repeats."""
+        seen: set[int] = set()
+        previous_ns = again = 0
+        for sample in samples:
+            at_once, previous_ns = sample.stamp_ns == previous_ns, sample.stamp_ns
+            if sample.stamp_ns in seen:
+                again += not at_once  # at once: lockstep asks again
+                continue
+            seen.add(sample.stamp_ns)
+            received_ns, R_NB, omega = joined.get(
+                sample.stamp_ns, (sample.received_ns, None, None))
+            value = sample.value
+            joined[sample.stamp_ns] = (
+                max(received_ns, sample.received_ns),
+                value.R_NB if value.R_NB is not None else R_NB,
+                value.omega_BN_B if value.omega_BN_B is not None else omega)
+        if again:
+            self._notes.append(
+                f'{topic}: {again} of {len(samples)} states have stamps that came before (a '
+                'recording of something played in a loop?); they are left out')
+        return len(samples) - len(seen)
 
     def commands(self, topic: str, first_ns: int, *, once: bool) -> CommandSeries:
         """Return the torques; with ``once`` a stamp that comes again is a repeat, left out."""
@@ -149,21 +169,57 @@ class Source:
 
     def _samples(self, topic: str) -> list[Stamped[StateValue]]:
         """Return the states of a topic, whatever its type."""
-        return self._decoded(topic, decode.STATE_READERS)
+        return self._decoded(topic, decode.STATE_READERS, stamped=True)
+
+    def _kind(self, topic: str) -> str:
+        """Return the type of a topic, empty without one."""
+        return self._contents.topics[topic].kind if topic in self._contents.topics else ''
 
     def _decoded(
-        self, topic: str, readers: Mapping[str, Callable[[Any], Decoded]],
+        self, topic: str, readers: Mapping[str, Callable[[Any], Decoded]], *,
+        stamped: bool = False,
     ) -> list[Stamped[Decoded]]:
         """Return the messages of a topic as one of the types in ``readers``."""
         known = self._contents.topics.get(topic)
         if known is None:
             return []
         if known.kind not in readers:
-            self._warnings.append(f'{topic}: has the type {known.kind}, expected '
+            self._warnings.append(f'{topic}: has {known.type_in_words}, expected '
                                   + ' or '.join(readers))
             return []
-        return list(decode.decode(
-            self._contents.of(topic), known.kind, readers[known.kind], self._warnings.append))
+        messages = self._contents.of(topic)
+        reasons: list[str] = []
+        found = list(decode.decode(
+            messages, known.kind, readers[known.kind], reasons.append, stamped=stamped))
+        self._warnings += [f'{topic}: {line}' for line in _counted(reasons, len(messages))]
+        return found
+
+
+def _counted(reasons: Sequence[str], total: int) -> list[str]:
+    """Return each reason with how many messages it holds for; numbers in it make no other one."""
+    groups: dict[str, list[str]] = {}
+    for reason in reasons:
+        groups.setdefault(_NUMBER.sub('', reason), []).append(reason)
+    return [f'{len(group)} of {total}: {group[0]}' + (
+        ' (the first of them)' if len(set(group)) > 1 else '') for group in groups.values()]
+
+
+def _lacking(name: str, joined: Mapping[int, _Joined], *, reported: bool) -> list[str]:
+    """Return how many stamps lack the attitude or the rate; ``reported``: an IMU says so."""
+    found = []
+    for part, words, field in ((1, 'attitude', 'orientation'), (2, 'rate', 'angular_velocity')):
+        has = {stamp: entry[part] is not None for stamp, entry in sorted(joined.items())}
+        without = _integers([stamp for stamp, there in has.items() if not there])
+        others = _integers([stamp for stamp, there in has.items() if there])
+        if not len(without):
+            continue
+        why = f' ({field}_covariance[0] is -1)' if reported else ''
+        if len(others):
+            at = np.searchsorted(others, without).clip(1, len(others) - 1)
+            gap_ns = np.minimum(np.abs(others[at - 1] - without), np.abs(others[at] - without))
+            why = f'; one that has it is {gap_ns.min() / NANOSECONDS:g} s away or more'
+        found.append(f'{name}: {len(without)} of {len(joined)}: no {words}{why}')
+    return found
 
 
 def _torque(content: Any) -> FloatArray:

@@ -15,6 +15,8 @@ from typing import Any
 #: The first message of a bag: one std_msgs/String with JSON, `RunDescription`.
 DESCRIPTION_TOPIC = '/run_description'
 DESCRIPTION_TYPE = 'std_msgs/msg/String'
+#: The last message of a bag: one std_msgs/String with JSON, how the recording ended.
+END_TOPIC = '/run_end'
 #: Keys of custom_data.
 CUSTOM_SCENARIO = 'scenario'
 CUSTOM_DESCRIPTION = 'run_description'
@@ -23,6 +25,14 @@ CUSTOM_CHECKSUMS = 'checksums'
 
 #: One offered QoS profile, by the names of rosbag2's metadata.yaml.
 QosProfile = Mapping[str, Any]
+#: What the messages about the run are offered with: they are there for whoever comes late.
+_ENDLESS = {'sec': 9223372036, 'nsec': 854775807}
+LATCHED: QosProfile = {
+    'history': 'keep_last', 'depth': 1, 'reliability': 'reliable',
+    'durability': 'transient_local', 'deadline': _ENDLESS, 'lifespan': _ENDLESS,
+    'liveliness': 'automatic', 'liveliness_lease_duration': _ENDLESS,
+    'avoid_ros_namespace_conventions': False,
+}
 
 
 @dataclass(frozen=True)
@@ -33,6 +43,11 @@ class BagTopic:
     kind: str
     type_hash: str = ''
     qos: tuple[QosProfile, ...] = ()
+
+    @property
+    def type_in_words(self) -> str:
+        """The type, for a sentence; MCAP allows topics without."""
+        return f'the type {self.kind}' if self.kind else 'no type'
 
 
 @dataclass(frozen=True)
@@ -58,7 +73,10 @@ def stamp_ns_of(data: bytes) -> int:
 
 @dataclass(frozen=True)
 class BagContents:
-    """Everything read from a bag, in the order in which it was written."""
+    """Everything read from a bag, in the order in which it was written.
+
+    ``warnings`` are about damage; ``notes`` about what is no damage but good to know.
+    """
 
     path: Path
     storage: str
@@ -66,6 +84,7 @@ class BagContents:
     messages: tuple[RawMessage, ...]
     custom: Mapping[str, str]
     warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def of(self, topic: str) -> list[RawMessage]:
         """Return the messages of one topic."""

@@ -56,22 +56,32 @@ def typestore() -> Typestore:
     return get_typestore(Stores.ROS2_JAZZY)
 
 
+class Unusable(ValueError):
+    """A message that can be read, and must not be used: why not."""
+
+
 def decode(
     messages: Iterable[RawMessage], kind: str, read: Callable[[Any], Decoded],
-    damaged: Callable[[str], None],
+    damaged: Callable[[str], None], *, stamped: bool = False,
 ) -> Iterator[Stamped[Decoded]]:
-    """Yield what ``read`` makes of each message; ``damaged`` is told what could not be read."""
+    """Yield what ``read`` makes of each message; ``damaged`` is told why it makes nothing.
+
+    With ``stamped`` a message whose stamp is zero or negative cannot be used.
+    """
     for message in messages:
         try:
             content: Any = typestore().deserialize_cdr(message.data, kind)
-            stamp = content.header.stamp
-            stamped = Stamped(int(stamp.sec) * NANOSECONDS + int(stamp.nanosec),
-                              message.received_ns, read(content))
+            stamp_ns = int(content.header.stamp.sec) * NANOSECONDS \
+                + int(content.header.stamp.nanosec)
+            if stamped and stamp_ns <= 0:
+                raise Unusable('the stamp is zero or negative')
+            decoded = Stamped(stamp_ns, message.received_ns, read(content))
+        except Unusable as error:
+            damaged(str(error))
         except _DAMAGE as error:
-            damaged(f'{message.topic}: a message could not be read as {kind} '
-                    f'({" ".join(str(error).split())[:120]})')
+            damaged(f'could not be read as {kind} ({" ".join(str(error).split())[:120]})')
         else:
-            yield stamped
+            yield decoded
 
 
 def read_text(message: RawMessage) -> str:
@@ -116,7 +126,8 @@ def rotation(quaternion: Any) -> FloatArray:
     """Return the rotation matrix of a quaternion message; raises ValueError for none."""
     values = np.array([quaternion.w, quaternion.x, quaternion.y, quaternion.z], dtype=float)
     if not abs(float(np.linalg.norm(values)) - 1.0) < 1e-2:
-        raise ValueError(f'the quaternion (w, x, y, z) {values.tolist()} is not of unit length')
+        x, y, z, w = (quaternion.x, quaternion.y, quaternion.z, quaternion.w)
+        raise Unusable(f'the quaternion ({x:g}, {y:g}, {z:g}, {w:g}) is not of unit length')
     return so3.rotation_from_quaternion(values)
 
 

@@ -112,7 +112,7 @@ def _as_recorded(
 def _due_ns(run: BagRun, stamp_ns: int, received_ns: int) -> int:
     """Return the simulated time at which a message was received; in lockstep, its stamp."""
     states = run.states
-    if run.scenario is None or run.scenario.lockstep:
+    if run.scenario is None or run.lockstep:
         return stamp_ns
     origin_ns, first_ns = int(states.received_ns[0]), int(states.stamp_ns[0])
     elapsed_ns = np.interp(received_ns - origin_ns, states.received_ns - origin_ns,

@@ -83,8 +83,14 @@ def in_coast(run: BagRun) -> int:
 
 
 def unknown_ticks(run: BagRun) -> int:
-    """Return how many ticks the controller had of which the bag says nothing."""
-    return int(run.ticks.tick[-1]) - len(run.ticks) if len(run.ticks) else 0
+    """Return how many ticks the controller had of which the bag says nothing.
+
+    A recording with an end of its own began with the first tick, another with the first it has.
+    """
+    if not len(run.ticks):
+        return 0
+    first = 1 if run.outcome else int(run.ticks.tick[0])
+    return int(run.ticks.tick[-1]) - first + 1 - len(run.ticks)
 
 
 def refused(run: BagRun) -> int | None:
@@ -96,8 +102,7 @@ def refused(run: BagRun) -> int | None:
         return None
     repeats = sum(run.ticks.total(key) or 0 for key in run.ticks.last
                   if key.startswith('refused.') and key.endswith('.duplicate'))
-    lockstep = run.scenario is not None and run.scenario.lockstep
-    return run.ticks.refused - (repeats if lockstep else 0)
+    return run.ticks.refused - (repeats if run.lockstep else 0)
 
 
 def tick_times_s(run: BagRun) -> FloatArray:
@@ -106,8 +111,7 @@ def tick_times_s(run: BagRun) -> FloatArray:
     In lockstep that of the state answered; else by when the controller said something about it.
     """
     rows = run.ticks.tick - 1
-    if run.scenario is not None and run.scenario.lockstep and len(rows) \
-            and rows[-1] < len(run.commands):
+    if run.lockstep and len(rows) and rows[-1] < len(run.commands):
         return np.asarray(run.commands.time_s[rows])
     origin_ns = int(run.states.received_ns[0])
     return np.asarray(np.interp(

@@ -9,14 +9,11 @@ nothing can be read is one BagError.
 from __future__ import annotations
 
 import json
-import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import yaml
-from rosbags.rosbag2 import Reader, ReaderError
-from rosbags.rosbag2.storage_mcap import zstd  # type: ignore[attr-defined]
 
 from manifold_mpc_ros.errors import BagError
 from manifold_mpc_ros.lab.recording.bags.contents import (
@@ -26,14 +23,15 @@ from manifold_mpc_ros.lab.recording.bags.contents import (
     Checksums,
     RawMessage,
 )
-from manifold_mpc_ros.lab.recording.bags.scan_mcap import Scan, qos_profiles, scan_mcap
-from manifold_mpc_ros.lab.recording.bags.scan_sqlite3 import scan_sqlite3
+from manifold_mpc_ros.lab.recording.bags.scan_mcap import Scan, qos_profiles
+from manifold_mpc_ros.lab.recording.bags.storage_files import (
+    METADATA,
+    scan_file,
+    storage_files,
+    storage_of,
+    unpacked_name,
+)
 
-_SCANS: dict[str, tuple[str, Callable[[Path], Scan]]] = {
-    '.mcap': ('mcap', scan_mcap),
-    '.db3': ('sqlite3', scan_sqlite3),
-}
-_METADATA = 'metadata.yaml'
 _INFORMATION = 'rosbag2_bagfile_information'
 
 
@@ -43,78 +41,73 @@ def read_bag(path: str | Path) -> BagContents:
     Arguments
     ---------
     path
-        The folder with ``metadata.yaml``, or one storage file (``.mcap``, ``.db3``).
+        The folder, its ``metadata.yaml``, or one storage file (``.mcap``, ``.db3``), compressed
+        (``.zstd``) or not.
 
     Raises
     ------
     BagError
         When there is no bag, or not one topic of it can be read. Lesser damage becomes a
-        warning of the result.
+        warning of the result, and what is no damage but good to know a note.
 
     """
     path = Path(path)
-    warnings: list[str] = []
+    folder = path.parent if path.name == METADATA and path.is_file() else path
     try:
-        files = _storage_files(path)
-        metadata = _read_metadata(path, warnings)
-        if str(metadata.get('compression_mode') or 'none').lower() != 'none':
-            return _read_compressed(path, metadata)
-        scans = [(file, _SCANS[file.suffix][1](file)) for file in files]
+        files = storage_files(folder)
+        metadata, problem = _read_metadata(folder, files)
+        scans = [(file, scan_file(file)) for file in files]
     except OSError as error:
         raise BagError(f'{error.filename or path}: {error.strerror or error}') from None
-    for file, scan in scans:
-        warnings += [f'{file.name}: {problem}' for problem in scan.problems]
-    if not metadata:
-        metadata = _copy_of_metadata([scan.metadata_text for _, scan in scans])
+    warnings = [f'{file.name}: {words}' for file, scan in scans for words in scan.problems]
+    copy = {} if metadata else _copy_of_metadata([scan.metadata_text for _, scan in scans])
+    metadata = metadata or copy
+    notes: tuple[str, ...] = ()
+    if problem and warnings and not copy:
+        warnings.insert(0, problem)
+    elif problem:  # the files are whole
+        notes = (f'{problem}; its copy in the storage file was read' if copy else problem,)
     topics = _topics(scans, metadata)
     if not topics:
         reasons = '; '.join(warnings) or 'it has no topics'
         raise BagError(f'{path}: nothing can be read from this bag: {reasons}')
     messages = tuple(message for _, scan in scans for message in scan.messages)
     custom = _custom(metadata)
-    warnings += _differences(messages, metadata, custom)
-    return BagContents(path, _SCANS[files[0].suffix][0], topics, messages, custom,
-                       tuple(warnings))
+    # The copy in one of several files was written before the others.
+    different = [] if copy and len(files) > 1 else _differences(messages, metadata, custom)
+    warnings += different and _missing(files, metadata) + different
+    return BagContents(path, storage_of(files[0]), topics, messages, custom, tuple(warnings),
+                       notes)
 
 
-def _storage_files(path: Path) -> list[Path]:
-    """Return the storage files of a bag in the order of time."""
-    if not path.exists():
-        raise BagError(f'{path}: no such bag')
-    if path.is_file():
-        if path.name == _METADATA:
-            return _storage_files(path.parent)
-        if path.suffix not in _SCANS:
-            raise BagError(f'{path}: not a bag (a folder with {_METADATA}, or a file that ends '
-                           'in .mcap or .db3)')
-        return [path]
-    files = sorted((file for file in path.iterdir() if file.suffix in _SCANS), key=_order)
-    packed = [file for file in path.iterdir() if file.suffix == '.zstd']
-    if not files and not packed:
-        raise BagError(f'{path}: not a bag (no file in it ends in .mcap or .db3)')
-    return files
+def _read_metadata(path: Path, files: Sequence[Path]) -> tuple[Mapping[str, Any], str]:
+    """Return what metadata.yaml says, empty without it, and in words what is wrong with it.
 
-
-def _order(file: Path) -> tuple[int, str]:
-    """Return what sorts ``bag_10`` behind ``bag_9``."""
-    number = file.stem.rpartition('_')[2]
-    return (int(number) if number.isdecimal() else 0, file.name)
-
-
-def _read_metadata(path: Path, warnings: list[str]) -> Mapping[str, Any]:
-    """Return what metadata.yaml says, empty when it is not there or damaged."""
-    file = path / _METADATA if path.is_dir() else path.with_name(_METADATA)
-    if path.is_file() and path.name != _METADATA:
-        return {}
-    if not file.is_file():
-        warnings.append(f'{_METADATA} is missing (the recorder was killed?)')
-        return {}
+    That beside a single storage file counts where the file is all that it describes.
+    """
+    file = (path if path.is_dir() else path.parent) / METADATA
     try:
         information = _information(file.read_text(encoding='utf-8', errors='replace'))
+    except FileNotFoundError:
+        return {}, f'{METADATA} is missing (the recorder was killed?)' if path.is_dir() else ''
     except ValueError as error:
-        warnings.append(f'{_METADATA} is damaged ({error})')
-        return {}
-    return information
+        return {}, f'{METADATA} is damaged ({error})' if path.is_dir() else ''
+    alone = path.is_dir() or [unpacked_name(each) for each in _listed(information)] == [
+        unpacked_name(each) for each in files]
+    return information if alone else {}, ''
+
+
+def _listed(metadata: Mapping[str, Any]) -> list[Path]:
+    """Return the storage files that metadata describes."""
+    given = metadata.get('relative_file_paths')
+    return [Path(str(each)) for each in (given if isinstance(given, list) else ())]
+
+
+def _missing(files: Sequence[Path], metadata: Mapping[str, Any]) -> list[str]:
+    """Return a sentence about each file that metadata describes and that is not there."""
+    there = {unpacked_name(file) for file in files}
+    return [f'{file.name}: the file is missing' for file in _listed(metadata)
+            if unpacked_name(file) not in there]
 
 
 def _information(text: str) -> Mapping[str, Any]:
@@ -193,20 +186,3 @@ def _differences(
         return [*found, 'the checksums of the recording are damaged']
     return found + [f'{name}: messages differ from what was recorded (checksum)'
                     for name in sorted(unequal)]
-
-
-def _read_compressed(path: Path, metadata: Mapping[str, Any]) -> BagContents:
-    """Read a bag whose files or messages are compressed, which has to be whole."""
-    try:
-        with Reader(path) as reader:
-            topics = {connection.topic: BagTopic(connection.topic, connection.msgtype,
-                                                 connection.digest)
-                      for connection in reader.connections}
-            messages = tuple(RawMessage(connection.topic, stamp, stamp, bytes(data))
-                             for connection, stamp, data in reader.messages())
-    except (ReaderError, ValueError, struct.error, EOFError, RuntimeError, KeyError,
-            TypeError, zstd.ZstdError) as error:
-        raise BagError(f'{path}: nothing can be read from this compressed bag: '
-                       + ' '.join(str(error).split())) from None
-    return BagContents(path, str(metadata.get('storage_identifier')), topics, messages,
-                       _custom(metadata))

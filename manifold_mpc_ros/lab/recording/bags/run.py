@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+import json
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +19,11 @@ from manifold_mpc_ros.lab.recording.bags.contents import (
     CUSTOM_OUTCOME,
     CUSTOM_SCENARIO,
     DESCRIPTION_TOPIC,
+    END_TOPIC,
     BagContents,
     RunDescription,
 )
-from manifold_mpc_ros.lab.recording.bags.decode import read_text
+from manifold_mpc_ros.lab.recording.bags.decode import WRENCH, read_text
 from manifold_mpc_ros.lab.recording.bags.reader import read_bag
 from manifold_mpc_ros.lab.recording.bags.series import (
     CommandSeries,
@@ -61,15 +64,17 @@ class BagRun:
     """One run, read from a bag.
 
     ``states`` are the plant's, ``received_states`` what reached the controller (the same
-    object unless a link stood between). ``scenario`` is None for a bag from elsewhere.
-    ``outcome`` is 'complete' when the recording came to its end; otherwise it says why not,
-    '' when unknown. ``warnings`` has a sentence for everything that is missing or damaged.
-    ``contents`` keeps every message as bytes.
+    object unless a link stood between). ``scenario`` is that inside the bag, or the one it is
+    judged by; None for a bag from elsewhere without. ``lockstep``: the bag proves that time waited
+    for each torque. ``outcome`` is 'complete' when the recording came to its end; otherwise it
+    says why not, '' when unknown. ``warnings`` has a sentence for everything that is missing or
+    damaged, ``notes`` for what is no damage. ``contents`` keeps every message as bytes.
     """
 
     path: Path
     scenario: Scenario | None
     description: RunDescription
+    lockstep: bool
     outcome: str
     states: StateSeries
     received_states: StateSeries
@@ -79,12 +84,18 @@ class BagRun:
     predictions: PredictionSeries
     topics: TopicNames
     warnings: tuple[str, ...]
+    notes: tuple[str, ...]
     contents: BagContents
 
     @property
     def title(self) -> str:
         """What the run is called."""
         return self.description.scenario_name or self.path.stem
+
+    @property
+    def backend(self) -> str:
+        """The backend of the solver that commanded, '' when the bag does not say."""
+        return self.description.backend or self.ticks.last.get('backend', '')
 
     @property
     def R_ND(self) -> FloatArray:
@@ -109,7 +120,9 @@ class BagRun:
         return np.asarray(error_angle(config, R_DB))
 
 
-def read_run(path: str | Path, topics: TopicNames | None = None) -> BagRun:
+def read_run(
+    path: str | Path, topics: TopicNames | None = None, scenario: Scenario | None = None,
+) -> BagRun:
     """Read a bag as a run.
 
     Arguments
@@ -117,7 +130,10 @@ def read_run(path: str | Path, topics: TopicNames | None = None) -> BagRun:
     path
         A bag: folder or storage file.
     topics
-        The topics to take; None means those that the recorder noted, or else its usual ones.
+        The topics to take; None means those that the recorder noted, or else its usual ones. The
+        only torques of a bag are taken whatever their topic is.
+    scenario
+        What to judge the run by, instead of the scenario inside the bag.
 
     Raises
     ------
@@ -126,34 +142,64 @@ def read_run(path: str | Path, topics: TopicNames | None = None) -> BagRun:
 
     """
     contents = read_bag(path)
-    warnings = list(contents.warnings)
+    warnings, notes = list(contents.warnings), list(contents.notes)
     description = _description(contents, warnings)
-    names = topics or _noted(description)
-    scenario = _scenario(contents, description, warnings)
-    source = assemble.Source(contents, warnings)
+    names = _with_torque(topics or _noted(description), contents, notes)
+    inside = _scenario(contents, description, warnings)
+    lockstep = description.controller_parameters.get('lockstep') is True if inside is None \
+        else inside.lockstep
+    source = assemble.Source(contents, warnings, notes)
     states = source.states(names.state, names.pose, names.twist)
     if not len(states):
-        wanted = names.state or f'{names.pose} with {names.twist}'
-        raise BagError(
-            f'{path}: no state can be read on {wanted}; the topics are '
-            + ', '.join(f'{topic.name} ({topic.kind})' for topic in contents.topics.values()))
+        raise _no_state(contents, names, warnings)
     received = states
     if names.received_state and names.received_state != names.state:
         received = source.states(names.received_state, '', '')
     first_ns = int(states.stamp_ns[0])
-    pointing = (scenario or assemble.shipped_scenario()).controller_config.mpc
-    lockstep = scenario is not None and scenario.lockstep
+    pointing = (scenario or inside or assemble.shipped_scenario()).controller_config.mpc
     commands = source.commands(names.torque, first_ns, once=lockstep)
     return BagRun(
-        path=Path(path), scenario=scenario, description=description,
-        outcome=contents.custom.get(CUSTOM_OUTCOME, ''), states=states,
-        received_states=received,
+        path=Path(path), scenario=scenario or inside, description=description,
+        lockstep=lockstep, outcome=_outcome(contents), states=states, received_states=received,
         commands=commands,
         setpoints=source.setpoints(
             names.attitude_setpoint, names.direction_setpoint, first_ns, pointing),
         ticks=source.ticks(names.diagnostics, len(commands) if lockstep else None),
         predictions=source.predictions(names.prediction), topics=names,
-        warnings=tuple(dict.fromkeys(warnings)), contents=contents)
+        warnings=tuple(dict.fromkeys(warnings)), notes=tuple(dict.fromkeys(notes)),
+        contents=contents)
+
+
+def _no_state(contents: BagContents, names: TopicNames, warnings: list[str]) -> BagError:
+    """Return why there is no state: the reasons with their numbers, or no such topic."""
+    wanted = names.state or f'{names.pose} with {names.twist}'
+    topics = [names.state] if names.state else [names.pose, names.twist]
+    reasons = [warning for warning in warnings if warning.startswith(tuple(topics))]
+    if not reasons:
+        reasons = ['the topics are ' + ', '.join(
+            f'{topic.name} ({topic.kind or "no type"})' for topic in contents.topics.values())]
+    return BagError(f'{contents.path}: no state can be read on {wanted}; ' + '; '.join(reasons))
+
+
+def _with_torque(names: TopicNames, contents: BagContents, notes: list[str]) -> TopicNames:
+    """Return the topics, the usual one of torques replaced where another is the only one."""
+    there = [topic.name for topic in contents.topics.values() if topic.kind == WRENCH]
+    if names.torque != TopicNames.torque or names.torque in there or not there:
+        return names
+    if len(there) > 1:
+        notes.append('torques are on ' + ', '.join(there) + '; --torque names those to take')
+        return names
+    return replace(names, torque=there[0])
+
+
+def _outcome(contents: BagContents) -> str:
+    """Return how the recording ended: by its metadata, or else its last message."""
+    if CUSTOM_OUTCOME in contents.custom:
+        return contents.custom[CUSTOM_OUTCOME]
+    for message in contents.of(END_TOPIC)[-1:]:
+        with suppress(ValueError, AttributeError):
+            return str(json.loads(read_text(message)).get(CUSTOM_OUTCOME, ''))
+    return ''
 
 
 def _description(contents: BagContents, warnings: list[str]) -> RunDescription:

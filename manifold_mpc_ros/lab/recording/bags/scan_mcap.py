@@ -139,11 +139,13 @@ class _Scanner:
         """Take in a topic."""
         number, schema = fields.take('HH')
         name = fields.text()
-        fields.text()
+        encoding = fields.text()
         pairs = fields.pairs()
         self._channels[number] = name
+        kind = self._schemas[schema] if schema else ''  # a channel need not have a schema
+        kind = kind if encoding in ('cdr', '') else f'{kind} ({encoding})'.strip()
         self.scan.topics[name] = BagTopic(
-            name, self._schemas[schema], pairs.get('topic_type_hash', ''),
+            name, kind, pairs.get('topic_type_hash', ''),
             qos_profiles(pairs.get('offered_qos_profiles', '')))
 
     def _note(self, problem: str) -> None:

@@ -36,12 +36,28 @@ _MESSAGE = 0x05
 _CRC_OFFSET = 1 + 8 + 8 + 8 + 8
 
 
+class _FirstFile:
+    """A bag's folder to the storages: they name their file after it, rosbag2 numbers it too.
+
+    ``ros2 bag reindex`` finds no file without a number.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        """Name the file."""
+        self._folder = folder
+        self.name = f'{folder.name}_0'
+
+    def __truediv__(self, name: str) -> Path:
+        """Return the path of a file in the folder."""
+        return self._folder / name
+
+
 class RecordingMcap(McapWriter):
     """MCAP storage that can be flushed, and stepped back when a flush failed."""
 
     def __init__(self, path: Path, compression: CompressionMode) -> None:
         """Create the file."""
-        super().__init__(path, compression)
+        super().__init__(_FirstFile(path), compression)  # type: ignore[arg-type]
         self.published_ns = 0
 
     def write(self, connection: Connection, timestamp: int, data: bytes | memoryview) -> None:
@@ -106,6 +122,10 @@ class RecordingSqlite3(Sqlite3Writer):
 
     published_ns = 0
     due = False
+
+    def __init__(self, path: Path, compression: CompressionMode) -> None:
+        """Create the database."""
+        super().__init__(_FirstFile(path), compression)  # type: ignore[arg-type]
 
     def flush(self) -> None:
         """End the transaction; the next message begins another."""

@@ -53,12 +53,12 @@ class Verdict:
         return tuple(each.name for each in self.judgements if not each.passed)
 
 
-def judge(run: BagRun) -> Verdict:
-    """Judge a run by the acceptance limits of the scenario inside its bag.
+def judge(run: BagRun, *, own: bool = True) -> Verdict:
+    """Judge a run by the acceptance limits of its scenario.
 
     The recording itself is judged too: a run that did not come to its end, or a bag that is
     damaged, has not passed. Where the bag does not hold what a limit needs, the limit is not
-    kept.
+    kept. A recording that is not ``own`` need not say that it came to its end.
 
     Raises
     ------
@@ -68,17 +68,18 @@ def judge(run: BagRun) -> Verdict:
     """
     if run.scenario is None:
         raise BagError(f'{run.path}: no scenario that can be used is inside this bag, so there '
-                       'is nothing to judge it by')
+                       'is nothing to judge it by (--scenario names one)')
     judgements = tuple(_judged(run, run.scenario.acceptance))
     if not judgements:
-        raise BagError(f'{run.path}: the scenario inside this bag has no acceptance limits')
-    return Verdict((_recording(run, run.scenario.duration_s), *judgements))
+        raise BagError(f'{run.path}: the scenario of this bag has no acceptance limits')
+    return Verdict((_recording(run, run.scenario.duration_s, own=own), *judgements))
 
 
-def _recording(run: BagRun, duration_s: float) -> Judgement:
+def _recording(run: BagRun, duration_s: float, *, own: bool) -> Judgement:
     """Judge whether the bag holds the whole run."""
     reached_s = float(run.states.time_s[-1])
-    problems = [] if run.outcome == COMPLETE else [run.outcome or 'end unknown']
+    ended = run.outcome == COMPLETE or not (own or run.outcome)
+    problems = [] if ended else [run.outcome or 'end unknown']
     if reached_s < duration_s - _END_TOLERANCE_S:
         problems.append(f'ends at {reached_s:g} s')
     problems += run.warnings

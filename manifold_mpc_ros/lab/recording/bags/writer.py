@@ -8,8 +8,9 @@ import json
 import os
 import shutil
 import sqlite3
+import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Literal
 
@@ -22,9 +23,16 @@ from rosbags.typesys.store import Typestore
 from manifold_mpc_ros.errors import BagError
 from manifold_mpc_ros.lab.recording.bags.contents import (
     CUSTOM_CHECKSUMS,
+    CUSTOM_DESCRIPTION,
+    CUSTOM_SCENARIO,
+    DESCRIPTION_TOPIC,
+    DESCRIPTION_TYPE,
+    END_TOPIC,
+    LATCHED,
     BagTopic,
     Checksums,
     RawMessage,
+    RunDescription,
 )
 from manifold_mpc_ros.lab.recording.bags.storage import RecordingSqlite3, RecordingWriter
 
@@ -39,9 +47,9 @@ _RESERVE_NAME = '.reserve'
 class BagWriter:
     """One bag that is being written; a context manager.
 
-    Leaving the context closes the bag, whatever the reason; `add_custom` before that. Where the
-    disk is full, a reserve of space is given back so that the bag can still be closed, and
-    BagError says so.
+    Leaving the context closes the bag, whatever the reason; `add_custom` and `add_outcome` before
+    that. Where the disk is full, a reserve of space is given back so that the bag can still be
+    closed, and BagError says so.
 
     Arguments
     ---------
@@ -66,7 +74,7 @@ class BagWriter:
         self._connections: dict[str, Connection] = {}
         self._typestore: Typestore = get_typestore(Stores.ROS2_JAZZY)
         self._full = False
-        self.count = 0
+        self.count = self._latest_ns = 0
         with self._explained():
             self._writer = RecordingWriter(
                 path, version=METADATA_VERSION, storage_plugin=STORAGES[storage])
@@ -114,6 +122,7 @@ class BagWriter:
             self._writer.write(
                 self._connections[message.topic], message.received_ns, message.data)
             self._checksums.add(message.topic, message.received_ns, message.data)
+            self._latest_ns = max(self._latest_ns, message.received_ns)
             self.count += 1
             if storage.due:  # type: ignore[attr-defined]
                 storage.flush()  # type: ignore[attr-defined]
@@ -128,6 +137,23 @@ class BagWriter:
         """Add entries to custom_data of metadata.yaml."""
         for key, value in values.items():
             self._writer.set_custom_data(key, value)
+
+    def add_description(self, description: RunDescription, stamp_ns: int) -> None:
+        """Add where the bag comes from to custom_data, and as a message for copies."""
+        text = description.to_json()
+        self.add_custom({CUSTOM_DESCRIPTION: text, CUSTOM_SCENARIO: description.scenario_text})
+        self.add_topic(BagTopic(DESCRIPTION_TOPIC, DESCRIPTION_TYPE, qos=(LATCHED,)))
+        self.add_text(DESCRIPTION_TOPIC, text, stamp_ns)
+
+    def add_outcome(self, notes: Mapping[str, str]) -> None:
+        """Add how the recording ended to custom_data, and as the last message for copies.
+
+        ``ros2 bag`` copies messages and no custom_data.
+        """
+        self.add_custom(notes)
+        with suppress(BagError):  # a full disk has been told
+            self.add_topic(BagTopic(END_TOPIC, DESCRIPTION_TYPE, qos=(LATCHED,)))
+            self.add_text(END_TOPIC, json.dumps(dict(notes)), self._latest_ns or time.time_ns())
 
     def flush(self) -> None:
         """Bring everything so far onto the disk."""
