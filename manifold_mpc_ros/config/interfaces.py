@@ -19,6 +19,9 @@ from manifold_mpc_ros.config.description import (
 )
 from manifold_mpc_ros.errors import ConfigurationError
 
+#: Topics or services: name, type, meaning.
+Interfaces = tuple[tuple[str, str, str], ...]
+
 #: What turns the body, by the value of the parameter ``actuators.kind``: 'module:Class' of an
 #: `Actuator` (control/actuator.py), imported when it is used.
 ACTUATORS = {'torque': 'manifold_mpc_ros.control.torque_actuator:TorqueActuator'}
@@ -50,24 +53,22 @@ def message_class(message_type: str, install: str = '') -> Any:
             'type', message_type, f'a message that package {package} has') from None
 
 
-def state_topics() -> tuple[tuple[str, str, str], ...]:
-    """Return name, type and meaning of the topics of states that the simulator publishes."""
-    return tuple(
-        (topic, message_type, 'attitude and body rate' if name == PLAIN
+def state_topics(*given: str) -> Interfaces:
+    """Return name, type and meaning of the topics of states, those of the simulator by default."""
+    return tuple(dict.fromkeys(
+        (part.topic, part.message_type, 'attitude and body rate' if name == PLAIN
          else f'with state_source {name}')
-        for name in (PLAIN, 'imu')
-        for topic, message_type in dict.fromkeys(
-            (part.topic, part.message_type) for part in (
-                state_description(name).attitude, state_description(name).rate)))
+        for name in given or (PLAIN, 'imu')
+        for part in (state_description(name).attitude, state_description(name).rate)))
 
 
-def setpoint_topic() -> tuple[str, str, str]:
-    """Return name, type and meaning of the shipped topic of commanded attitudes."""
-    attitude = setpoint_description(PLAIN)
-    return attitude.topic, attitude.message_type, 'commanded attitude'
+def setpoint_topics(given: str = PLAIN) -> Interfaces:
+    """Return name, type and meaning of the topic of commanded attitudes."""
+    attitude = setpoint_description(given)
+    return ((attitude.topic, attitude.message_type, 'commanded attitude'),)
 
 
-def command_topics() -> tuple[tuple[str, str, str], ...]:
-    """Return name, type and meaning of the shipped topics of commands."""
+def command_topics(given: str = PLAIN) -> Interfaces:
+    """Return name, type and meaning of the topics of commands."""
     return tuple((message.topic, message.message_type, 'body torque [N m]')
-                 for message in command_description(PLAIN))
+                 for message in command_description(given))

@@ -10,11 +10,10 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from manifold_mpc_ros.config.interfaces import Interfaces
 from manifold_mpc_ros.config.parameter import ParameterSpec, Value
 
 _WIDTH = 97
-#: Topics or services: name, type, meaning.
-Interfaces = tuple[tuple[str, str, str], ...]
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from rclpy.node import Node
 from visualization_msgs.msg import MarkerArray
 
 from manifold_mpc_ros.errors import ConfigurationError
-from manifold_mpc_ros.lab.security.policies import COMMANDS, policies
+from manifold_mpc_ros.lab.security.policies import commands, policies
 from manifold_mpc_ros.nodes.security import demand_enforcement
 
 if TYPE_CHECKING:
@@ -132,11 +132,31 @@ def test_the_policies_are_what_the_tables_say() -> None:
         policies())
 
 
+def test_a_controller_of_another_stack_opens_its_topics_and_no_others() -> None:
+    shipped = policies()
+    theirs = policies({'state_source': 'px4', 'command_sink': 'px4',
+                       'setpoint_source': 'space_station_os'})
+
+    def topics(text: str) -> set[str | None]:
+        return {item.text for item in ET.fromstring(text.encode()).iter('topic')}
+
+    ours = {'odometry', 'imu', 'attitude_setpoint', 'torque_command'}
+    states = {'/fmu/out/vehicle_attitude', '/fmu/out/vehicle_angular_velocity'}
+    commands = {'/fmu/in/vehicle_torque_setpoint', '/fmu/in/offboard_control_mode'}
+    for node in ('attitude_controller', 'attitude_markers'):
+        before, after = topics(shipped[node]), topics(theirs[node])
+        assert before - after == ours
+        assert after - before == states | commands | {'/gnc/pose_ref'}
+    assert theirs['lgvi_simulator'] == shipped['lgvi_simulator']
+    assert '/gnc/pose_ref' in topics(theirs['operator'])
+    assert 'attitude_setpoint' not in topics(theirs['operator'])
+
+
 def test_operator_and_recorder_have_the_least_that_they_need() -> None:
     nodes = [rules(node) for node in NODES]
     operator, recorder = rules('operator'), rules('recorder')
     published = set().union(*(node['publish'] for node in nodes))
-    setpoints = {f'/{name}' for name in COMMANDS}
+    setpoints = {f'/{name}' for name in commands()}
     assert setpoints <= rules('attitude_controller')['subscribe']
     assert operator['request'] == set().union(*(node['reply'] for node in nodes))
     assert 'request' not in recorder

@@ -5,7 +5,10 @@
 One policy for each node, one for an operator and one for a recorder. Names that are the same in
 every namespace are absolute; the others follow the namespace that a keystore is made for.
 
-    python -m manifold_mpc_ros.lab.security.policies FOLDER
+    python -m manifold_mpc_ros.lab.security.policies FOLDER [--controller-config FILE]
+
+With the parameter file of a controller that speaks to another stack the policies have the topics
+of that stack's descriptions (docs/interfaces.md) instead of the shipped ones.
 """
 
 from __future__ import annotations
@@ -13,10 +16,22 @@ from __future__ import annotations
 import argparse
 import importlib
 import pkgutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from manifold_mpc_ros import nodes
+from manifold_mpc_ros.config.description import PLAIN
+from manifold_mpc_ros.config.interfaces import (
+    Interfaces,
+    command_topics,
+    setpoint_topics,
+    state_topics,
+)
+from manifold_mpc_ros.config.parameter import resolve_parameters
+from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS, SIMULATOR_NAME
+from manifold_mpc_ros.config.yaml_file import read_parameter_file
 from manifold_mpc_ros.nodes.usage import Program
 
 #: What every node of rclpy publishes, and what every lifecycle node answers (ROS 2 Jazzy).
@@ -26,8 +41,6 @@ _SERVICES = {f'~/{name}' for name in (
     'change_state', 'get_available_states', 'get_available_transitions', 'get_state',
     'get_transition_graph', 'describe_parameters', 'get_parameter_types', 'get_parameters',
     'get_type_description', 'list_parameters', 'set_parameters', 'set_parameters_atomically')}
-#: What an operator may command.
-COMMANDS = {'attitude_setpoint', 'direction_setpoint'}
 #: The services of one's own: of a node, and of the node that each call of ``ros2`` makes.
 _OWN_SERVICES = {'~/*', '/_ros2cli_*/*'}
 #: What ``ros2 bag record`` opens beside the topics that it records.
@@ -55,10 +68,30 @@ _END = """        </profile>
 """
 
 
-def programs() -> list[Program]:
-    """Return what each executable of the package says about itself."""
-    return [importlib.import_module(f'{nodes.__name__}.{each.name}.main').PROGRAM
-            for each in pkgutil.iter_modules(nodes.__path__) if each.ispkg]
+def programs(parameters: Mapping[str, Any] | None = None) -> list[Program]:
+    """Return what each executable of the package says about itself.
+
+    With ``parameters`` of a controller, topics of states, setpoints and commands are theirs.
+    """
+    found = [importlib.import_module(f'{nodes.__name__}.{each.name}.main').PROGRAM
+             for each in pkgutil.iter_modules(nodes.__path__) if each.ispkg]
+    if parameters is None:
+        return found
+    values = resolve_parameters(CONTROLLER_PARAMETERS, parameters, complete=False)
+    instead = {
+        state_topics(): state_topics(str(values['state_source'])),
+        setpoint_topics(): setpoint_topics(str(values['setpoint_source'])),
+        command_topics(): command_topics(str(values['command_sink']))}
+    return [program if program.node_name == SIMULATOR_NAME else replace(
+        program, subscribes=_instead(program.subscribes, instead),
+        publishes=_instead(program.publishes, instead)) for program in found]
+
+
+def _instead(interfaces: Interfaces, instead: Mapping[Interfaces, Interfaces]) -> Interfaces:
+    """Return interfaces with others in the place of some."""
+    kept = tuple(each for each in interfaces if not any(each in some for some in instead))
+    return kept + tuple(new for shipped, described in instead.items() for new in described
+                        if shipped[0] in interfaces)
 
 
 def node_rules(program: Program) -> Rules:
@@ -70,11 +103,17 @@ def node_rules(program: Program) -> Rules:
     }
 
 
-def operator_rules(known: Sequence[Program]) -> Rules:
+def commands(parameters: Mapping[str, Any] | None = None) -> set[str]:
+    """Return what an operator may command."""
+    return _names(setpoint_topics((parameters or {}).get('setpoint_source', PLAIN))) | {
+        'direction_setpoint'}
+
+
+def operator_rules(known: Sequence[Program], commanded: set[str]) -> Rules:
     """Return what somebody needs who commands attitudes and calls the services of every node."""
     transitions = {_seen_from_outside(_TRANSITIONS, program) for program in known}
     return {
-        ('topic', 'publish'): COMMANDS | _LOGS,
+        ('topic', 'publish'): commanded | _LOGS,
         ('topic', 'subscribe'): {'/clock', '/diagnostics'} | transitions | _LOGS,
         ('service', 'reply'): _OWN_SERVICES,
         ('service', 'request'): {_seen_from_outside(name, program) for program in known
@@ -82,29 +121,29 @@ def operator_rules(known: Sequence[Program]) -> Rules:
     }
 
 
-def recorder_rules(known: Sequence[Program]) -> Rules:
+def recorder_rules(known: Sequence[Program], commanded: set[str]) -> Rules:
     """Return what somebody needs who reads every topic and says nothing."""
     published = {_seen_from_outside(name, program) for program in known
                  for name in node_rules(program)['topic', 'publish']}
     return {
         ('topic', 'publish'): _LOGS | {_BAG_EVENTS},
-        ('topic', 'subscribe'): published | COMMANDS | {_BAG_EVENTS},
+        ('topic', 'subscribe'): published | commanded | {_BAG_EVENTS},
         ('service', 'reply'): _OWN_SERVICES | {_BAG_SERVICES},
     }
 
 
-def policies() -> dict[str, str]:
+def policies(parameters: Mapping[str, Any] | None = None) -> dict[str, str]:
     """Return the text of each policy, by the name of its file and its enclave."""
-    known = programs()
+    known, commanded = programs(parameters), commands(parameters)
     texts = {program.node_name: policy(
         program.node_name, 'What this node opens, in every configuration, and nothing else.',
         node_rules(program)) for program in known}
     texts['operator'] = policy(
         'operator', 'Commands attitudes, reads diagnostics, calls the services of every node; no '
-        'state, no torque.', operator_rules(known))
+        'state, no torque.', operator_rules(known, commanded))
     texts['recorder'] = policy(
         'recorder', 'Reads every topic and says nothing: ros2 bag record, a display.',
-        recorder_rules(known))
+        recorder_rules(known, commanded))
     return texts
 
 
@@ -132,9 +171,13 @@ def main() -> None:
     """Write every policy into a folder."""
     parser = argparse.ArgumentParser(description='Write the SROS2 policies of the package.')
     parser.add_argument('folder', type=Path, help='where one XML file for each enclave goes')
-    folder = parser.parse_args().folder
-    for name, text in policies().items():
-        (folder / f'{name}.xml').write_text(text, encoding='utf-8')
+    parser.add_argument('--controller-config', type=Path, metavar='FILE',
+                        help='parameter file of a controller with other descriptions')
+    arguments = parser.parse_args()
+    parameters = None if arguments.controller_config is None else read_parameter_file(
+        arguments.controller_config, CONTROLLER_NAME)
+    for name, text in policies(parameters).items():
+        (arguments.folder / f'{name}.xml').write_text(text, encoding='utf-8')
 
 
 if __name__ == '__main__':

@@ -7,7 +7,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from manifold_mpc_ros.config.interfaces import BOND, command_topics, setpoint_topic, state_topics
+from manifold_mpc_ros.config.interfaces import BOND, command_topics, setpoint_topics, state_topics
 from manifold_mpc_ros.config.tables import MARKERS_NAME, MARKERS_PARAMETERS
 from manifold_mpc_ros.nodes.process import run
 from manifold_mpc_ros.nodes.usage import Program
@@ -20,7 +20,7 @@ PROGRAM = Program(
     parameters=MARKERS_PARAMETERS,
     subscribes=(
         *state_topics(),
-        setpoint_topic(),
+        *setpoint_topics(),
         ('direction_setpoint', 'geometry_msgs/msg/Vector3Stamped', 'commanded direction'),
         *command_topics(),
         ('attitude_controller/prediction', 'nav_msgs/msg/Path', 'predicted attitudes'),
