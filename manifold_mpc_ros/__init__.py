@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from manifold_mpc_ros.config.cones import Cone
     from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+    from manifold_mpc_ros.config.wheels import WheelArray
     from manifold_mpc_ros.dynamics.lgvi import lgvi_step
     from manifold_mpc_ros.errors import ManifoldMpcError
     from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     'AttitudeMpc', 'AttitudeMpcConfig', 'AttitudeMpcSolution', 'BatchMpc', 'Cone',
-    'ManifoldMpcError', 'SolveStatus', 'TerminalDesign', 'lgvi_step',
+    'ManifoldMpcError', 'SolveStatus', 'TerminalDesign', 'WheelArray', 'lgvi_step',
 ]
 
 # The module of each public name, as above, where type checkers read it.
@@ -31,7 +32,8 @@ _MODULES = {
     'AttitudeMpc': 'mpc.attitude_mpc', 'AttitudeMpcConfig': 'config.control_law',
     'AttitudeMpcSolution': 'mpc.solution', 'BatchMpc': 'mpc.batch_mpc',
     'Cone': 'config.cones', 'ManifoldMpcError': 'errors', 'SolveStatus': 'mpc.solution',
-    'TerminalDesign': 'terminal.design', 'lgvi_step': 'dynamics.lgvi',
+    'TerminalDesign': 'terminal.design', 'WheelArray': 'config.wheels',
+    'lgvi_step': 'dynamics.lgvi',
 }
 
 

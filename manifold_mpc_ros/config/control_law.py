@@ -30,6 +30,8 @@ from manifold_mpc_ros.config.parameter import (
 from manifold_mpc_ros.config.rate_limits import RateBox, RateEllipsoid, RateLimit
 from manifold_mpc_ros.config.simulator import SimulatorConfig
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
+from manifold_mpc_ros.config.wheel_parameters import wheels_of
+from manifold_mpc_ros.config.wheels import WheelArray
 from manifold_mpc_ros.config.yaml_file import read_parameter_file
 from manifold_mpc_ros.errors import ConfigurationError
 
@@ -84,6 +86,9 @@ class AttitudeMpcConfig:
     cones
         Cones (:class:`.Cone`) that body axes stay out of or in. They need limits on the torque and
         the rate of every axis, which bound how far an axis moves between two samples.
+    wheels
+        Reaction wheels (:class:`.WheelArray`) that give the torque; None for torque by other
+        devices. J is then the body's inertia without that of the wheels about their axes.
 
     Raises
     ------
@@ -110,6 +115,7 @@ class AttitudeMpcConfig:
     pointing_axis_B: FloatArray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     pointing_weight: float = 2.0
     cones: Sequence[Cone] = ()
+    wheels: WheelArray | None = None
 
     def __post_init__(self) -> None:
         """Check every field, then what the fields together have to satisfy."""
@@ -144,6 +150,8 @@ class AttitudeMpcConfig:
         self._store('cones', unique_cones('cones', self.cones))
         if self.cones:
             self._check_cones()
+        if self.wheels is not None and not isinstance(self.wheels, WheelArray):
+            raise ConfigurationError('wheels', self.wheels, 'a WheelArray, or None')
 
     @classmethod
     def from_yaml(cls, path: str | Path) -> AttitudeMpcConfig:
@@ -158,7 +166,7 @@ class AttitudeMpcConfig:
         chosen: dict[str, Any] = by_field(
             CONTROLLER_PARAMETERS, values, (entry.name for entry in fields(cls)))
         try:
-            return cls(**chosen)
+            return cls(wheels=wheels_of(values), **chosen)
         except ConfigurationError as error:
             raise named_as_parameter(CONTROLLER_PARAMETERS, error) from None
 

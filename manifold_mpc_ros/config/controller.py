@@ -82,6 +82,11 @@ class ControllerConfig:
         return cls(mpc=AttitudeMpcConfig.from_parameters(values), **chosen)
 
     @property
+    def command_sinks(self) -> tuple[str, ...]:
+        """The descriptions of what is published of a command."""
+        return (self.command_sink, 'wheels') if self.actuator == 'wheels' else (self.command_sink,)
+
+    @property
     def state_timeout_s(self) -> float:
         """Age of the state above which the command is zero [s]."""
         return self.state_timeout_ticks * self.mpc.step_s

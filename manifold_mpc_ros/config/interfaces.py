@@ -24,7 +24,11 @@ Interfaces = tuple[tuple[str, str, str], ...]
 
 #: What turns the body, by the value of the parameter ``actuators.kind``: 'module:Class' of an
 #: `Actuator` (control/actuator.py), imported when it is used.
-ACTUATORS = {'torque': 'manifold_mpc_ros.control.torque_actuator:TorqueActuator'}
+ACTUATORS = {'torque': 'manifold_mpc_ros.control.torque_actuator:TorqueActuator',
+             'wheels': 'manifold_mpc_ros.control.wheel_actuator:WheelActuator'}
+
+#: What the controller subscribes to and the simulator publishes with ``actuators.kind: wheels``.
+WHEEL_STATES = ('wheel_states', 'sensor_msgs/msg/JointState', 'speeds of wheels [rad/s]')
 
 #: What each lifecycle node publishes and subscribes to with ``bond_period_s``.
 BOND = ('bond', 'bond/msg/Status', 'heartbeats, with bond_period_s')
@@ -70,5 +74,6 @@ def setpoint_topics(given: str = PLAIN) -> Interfaces:
 
 def command_topics(given: str = PLAIN) -> Interfaces:
     """Return name, type and meaning of the topics of commands."""
-    return tuple((message.topic, message.message_type, 'body torque [N m]')
+    meaning = f'torque of {given} [N m]' if given == 'wheels' else 'body torque [N m]'
+    return tuple((message.topic, message.message_type, meaning)
                  for message in command_description(given))

@@ -13,8 +13,8 @@ from typing import Any, Literal
 from manifold_mpc_ros.config import checks as checks
 from manifold_mpc_ros.errors import ConfigurationError
 
-Kind = Literal['float', 'int', 'bool', 'str', 'floats']
-Value = float | int | bool | str | list[float]
+Kind = Literal['float', 'int', 'bool', 'str', 'floats', 'strs']
+Value = float | int | bool | str | list[float] | list[str]
 
 #: Parameters that every rclpy node has; they are nobody's mistake in a parameter file.
 ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')
@@ -28,7 +28,8 @@ class ParameterSpec:
     ``required`` parameters describe the spacecraft and its tuning: a parameter file gives all of
     them. ``read_only`` ones are fixed when the node starts; the others are read at configure.
     ``name_in_config`` is the attribute of the configuration class where that is not the last
-    part of the name. ``lengths`` are the valid numbers of elements of a 'floats' parameter.
+    part of the name. ``lengths`` are the valid numbers of elements of a 'floats' parameter, any
+    number when empty.
     """
 
     name: str
@@ -54,9 +55,11 @@ class ParameterSpec:
     def valid(self) -> str:
         """What a value has to be, in words."""
         if self.kind == 'floats':
-            sizes = ' or '.join(str(length) for length in self.lengths)
+            sizes = ' or '.join(str(length) for length in self.lengths) + ' ' * bool(self.lengths)
             free = ' (.inf: no limit)' if self.infinite else ''
-            return f'a list of {sizes} numbers{free}'
+            return f'a list of {sizes}numbers{free}'
+        if self.kind == 'strs':
+            return 'a list of texts that are not empty'
         if self.choices:
             return 'one of ' + ', '.join(map(repr, self.choices))
         noun = {'float': 'a number', 'int': 'an integer', 'bool': 'true or false',
@@ -69,6 +72,8 @@ class ParameterSpec:
         """Return ``value`` in this parameter's type, or raise ConfigurationError."""
         if self.kind == 'floats':
             return self._check_floats(value)
+        if self.kind == 'strs':
+            return self._check_texts(value)
         if self.kind == 'bool':
             return checks.boolean(self.name, value)
         if self.kind == 'str':
@@ -87,12 +92,21 @@ class ParameterSpec:
     def _check_floats(self, value: Any) -> list[float]:
         """Return a list of numbers of a valid length; one bare number is a list of one."""
         given = [value] if isinstance(value, (int, float)) else value
-        if not isinstance(given, (list, tuple)) or len(given) not in self.lengths:
+        if not isinstance(given, (list, tuple)) or not given or (
+                self.lengths and len(given) not in self.lengths):
             raise ConfigurationError(self.name, value, self.valid)
         if not all(isinstance(x, (int, float)) and not isinstance(x, bool) for x in given):
             raise ConfigurationError(self.name, value, self.valid)
         numbers = checks.array(self.name, list(given), self.valid, infinite=self.infinite)
         return [float(item) for item in numbers]
+
+    def _check_texts(self, value: Any) -> list[str]:
+        """Return a list of texts; one bare text is a list of one."""
+        given = [value] if isinstance(value, str) else value
+        if (not isinstance(given, (list, tuple)) or not given
+                or not all(isinstance(each, str) and each for each in given)):
+            raise ConfigurationError(self.name, value, self.valid)
+        return list(given)
 
 
 def resolve_parameters(

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 from manifold_mpc_ros.config.interfaces import ACTUATORS
 from manifold_mpc_ros.config.parameter import ParameterSpec
+from manifold_mpc_ros.config.wheel_parameters import NULL_SPACE, WHEEL_PARAMETERS
 
 CONTROLLER_NAME = 'attitude_controller'
 SIMULATOR_NAME = 'lgvi_simulator'
@@ -119,6 +120,8 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
     ParameterSpec(
         'actuators.kind', 'str', 'torque', 'what turns the body', choices=tuple(ACTUATORS),
         read_only=True, name_in_config='actuator'),
+    *WHEEL_PARAMETERS,
+    NULL_SPACE,
     ParameterSpec(
         'actuators.actuation_delay_s', 'float', 0.0,
         'time from a command to its torque, which the plan is made for; at most 10 steps',

@@ -43,11 +43,20 @@ class Actuation:
 
 
 class Actuator(Protocol):
-    """Devices that turn the body. They give zero torque, and a convex set of torques about it."""
+    """Devices that turn the body. They give zero torque, and a convex set of torques about it.
+
+    ``refusal`` says why they can give no torque now, empty when they can: what is allocated is
+    then the best that they can do to brake.
+    """
+
+    refusal: str
 
     @classmethod
     def from_config(cls, config: AttitudeMpcConfig) -> Actuator:
         """Return the actuator of a spacecraft."""
+
+    def observe(self, omega_BN_B: Array, devices: Array | None) -> None:
+        """Take the body rate (3,) [rad/s] and what the devices report, None where they do not."""
 
     def limited(self, torque_B_n_m: Array, part: float = 1.0) -> Array:
         """Map a finite torque (3,) [N m] to one that the devices can give, its direction kept.
@@ -58,3 +67,6 @@ class Actuator(Protocol):
 
     def allocate(self, torque_B_n_m: Array) -> Actuation:
         """Map a torque (3,) [N m] within the limits to the command of this tick."""
+
+    def rest(self) -> Actuation:
+        """Return the command that asks nothing of the devices."""

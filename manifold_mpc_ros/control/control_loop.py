@@ -162,7 +162,8 @@ class ControlLoop:
         if age_ns is not None and self.logic.wants_plan(age_ns):
             facts, solution = self._solve(time_ns, age_ns)
         held_B_n_m = self._plan.torque(time_ns)
-        decision = self.logic.decide(replace(facts, held=held_B_n_m is not None))
+        decision = self.logic.decide(replace(
+            facts, held=held_B_n_m is not None, refused=self.output.refusal))
         self.logic.enter(decision)
         command = Command(
             time_ns if sample is None else sample.stamp_ns,
@@ -195,6 +196,7 @@ class ControlLoop:
         try:
             assert self.sample is not None
             R_NB, omega_BN_B = self._ahead.state_when_acting(self.sample, time_ns, age_ns)
+            self.output.observe(omega_BN_B)
         except StepExistenceError as error:
             return Facts(age_ns, SolveOutcome.BEYOND_GUARD, detail=str(error)), None
         if self._fallback.beyond_guard(omega_BN_B):
@@ -247,6 +249,7 @@ class ControlLoop:
             state = self._ahead.state_when_acting(self.sample, time_ns, age_ns)
         except StepExistenceError:
             state = self.sample.R_NB, self.sample.omega_BN_B
+        self.output.observe(state[1])
         torque_B_n_m = self._fallback.torque(*state, self._R_ND)
         disturbance = self._ahead.disturbance_B_n_m
         return torque_B_n_m if disturbance is None else torque_B_n_m - disturbance

@@ -59,13 +59,15 @@ class Facts:
 
     ``age_ns`` is the age of the newest valid state, the larger of what its stamp and what its
     receipt say; None before the first. ``held`` says whether a stored plan still covers this
-    tick, ``detail`` why the outcome of the request is what it is.
+    tick, ``detail`` why the outcome of the request is what it is, ``refused`` why the actuator can
+    give no torque, empty when it can.
     """
 
     age_ns: int | None
     outcome: SolveOutcome = SolveOutcome.NOT_REQUESTED
     held: bool = False
     detail: str = ''
+    refused: str = ''
 
 
 @dataclass(frozen=True)
@@ -200,6 +202,8 @@ class ModeLogic:
 
     def _acting(self, facts: Facts, age_ns: int) -> Decision:
         """Return where the torque comes from, zero where there is nothing left."""
+        if facts.refused and (age_ns <= self._propagate_ns or facts.held):
+            return Decision(Mode.FALLBACK, facts.refused)
         if age_ns <= self._propagate_ns:
             if facts.outcome is SolveOutcome.USABLE:
                 return Decision(Mode.NOMINAL, facts.detail)

@@ -25,7 +25,8 @@ class OutputGate:
     def __init__(self, actuator: Actuator) -> None:
         """Start at zero torque."""
         self.set_actuator(actuator)
-        self.latest = actuator.allocate(np.zeros(3))
+        self.devices: Array | None = None
+        self.latest = actuator.rest()
         self.not_finite = 0
         self.saturated = 0
         self._returning = False
@@ -33,6 +34,18 @@ class OutputGate:
     def set_actuator(self, actuator: Actuator) -> None:
         """Command this actuator from now on."""
         self._actuator = actuator
+
+    def observe(self, omega_BN_B: Array) -> None:
+        """Hand the body rate (3,) [rad/s] when a command acts, and ``devices``, to the actuator.
+
+        ``devices`` is what the devices last reported, in the unit of the kind.
+        """
+        self._actuator.observe(omega_BN_B, self.devices)
+
+    @property
+    def refusal(self) -> str:
+        """Why the devices can give no torque, empty when they can."""
+        return self._actuator.refusal
 
     def slew(self) -> None:
         """Come back without a jump: change gradually until what is asked for is reached."""
@@ -54,7 +67,7 @@ class OutputGate:
     def zero(self) -> Actuation:
         """Return the command for zero torque, at once."""
         self._returning = False
-        self.latest = self._actuator.allocate(np.zeros(3))
+        self.latest = self._actuator.rest()
         return self.latest
 
     def _towards(self, asked: Array) -> Array:

@@ -21,6 +21,8 @@ class TorqueActuator:
 
     """
 
+    refusal = ''
+
     def __init__(self, max_torque_n_m: Array | None) -> None:
         """Keep the limits."""
         self._limit = np.full(3, np.inf) if max_torque_n_m is None else max_torque_n_m
@@ -29,6 +31,9 @@ class TorqueActuator:
     def from_config(cls, config: AttitudeMpcConfig) -> TorqueActuator:
         """Return the actuator with the torque limits of a configuration."""
         return cls(config.max_torque_n_m)
+
+    def observe(self, omega_BN_B: Array, devices: Array | None) -> None:
+        """Do nothing: what the box gives does not depend on a state."""
 
     def limited(self, torque_B_n_m: Array, part: float = 1.0) -> Array:
         """Scale a finite torque (3,) [N m] into this part of the box."""
@@ -40,3 +45,7 @@ class TorqueActuator:
     def allocate(self, torque_B_n_m: Array) -> Actuation:
         """Command the torque (3,) [N m] itself."""
         return Actuation(torque_B_n_m, torque_B_n_m, torque_B_n_m)
+
+    def rest(self) -> Actuation:
+        """Command zero torque."""
+        return self.allocate(np.zeros(3))

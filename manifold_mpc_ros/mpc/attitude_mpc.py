@@ -20,7 +20,7 @@ from manifold_mpc_ros.mpc.local_solver import LocalSolver, Plan, StateReport
 from manifold_mpc_ros.mpc.plan_finder import VIOLATION, PlanFinder
 from manifold_mpc_ros.mpc.program.numbers import numbers_of
 from manifold_mpc_ros.mpc.scaling import Array, scaling_of
-from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
+from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus, failed, with_wheels
 from manifold_mpc_ros.mpc.stages.inequalities import structure_of
 from manifold_mpc_ros.mpc.stored_design import stored_design
 from manifold_mpc_ros.mpc.target import error_angle
@@ -101,7 +101,8 @@ class AttitudeMpc:
 
     def solve(self, R_NB: ArrayLike, omega_BN_B: ArrayLike, R_ND: ArrayLike | None = None, *,
               disturbance_B_n_m: ArrayLike | None = None, max_solve_time_s: float | None = None,
-              directions_N: Mapping[str, ArrayLike] | None = None) -> AttitudeMpcSolution:
+              directions_N: Mapping[str, ArrayLike] | None = None,
+              wheel_momentum_n_m_s: ArrayLike | None = None) -> AttitudeMpcSolution:
         """Map a measured state to a plan.
 
         Arguments
@@ -125,6 +126,8 @@ class AttitudeMpc:
         directions_N
             Directions of cones by name, now, (3,), or at every node, (N + 1, 3); those of the
             configuration for every other cone.
+        wheel_momentum_n_m_s
+            Momenta (n,) of the wheels about their axes, for the solution's motor torques.
 
         Raises
         ------
@@ -141,9 +144,11 @@ class AttitudeMpc:
         state = self._set_state(R_NB, omega_BN_B, R_ND)
         if state is None:
             self.reset()
-            return self._failed(R_NB, omega_BN_B, time.perf_counter() - begin)
+            return failed(R_NB, omega_BN_B, self.config.horizon, time.perf_counter() - begin)
         plan, passes, searched = self._finder.find(state, deadline_s)
-        return self._answer(plan, passes, searched, begin)
+        answer = self._answer(plan, passes, searched, begin)
+        return answer if wheel_momentum_n_m_s is None else with_wheels(
+            answer, self.config, wheel_momentum_n_m_s)
 
     def solve_local(self, R_NB: ArrayLike, omega_BN_B: ArrayLike) -> AttitudeMpcSolution:
         """Map a measured state to the plan that one cold start, the short way, leads to.
@@ -152,7 +157,7 @@ class AttitudeMpc:
         """
         begin = time.perf_counter()
         if self._set_state(R_NB, omega_BN_B, None) is None:
-            return self._failed(R_NB, omega_BN_B, time.perf_counter() - begin)
+            return failed(R_NB, omega_BN_B, self.config.horizon, time.perf_counter() - begin)
         plan, passes = self._finder.first_start()
         return self._answer(plan, passes, False, begin)
 
@@ -212,7 +217,8 @@ class AttitudeMpc:
         """Keep a plan for the next tick and return it in SI units."""
         if plan is None:
             self.reset()
-            return self._failed(self._R_NB, self._omega, time.perf_counter() - begin)
+            return failed(self._R_NB, self._omega, self.config.horizon,
+                          time.perf_counter() - begin)
         report, unit = self._strict.report(plan), self._unit
         self._finder.keep(plan, report)
         cost = plan.progress.cost - report.penalties
@@ -238,12 +244,3 @@ class AttitudeMpc:
         if violation > VIOLATION or not self._finder.inside:
             return SolveStatus.INFEASIBLE
         return SolveStatus.CONVERGED if plan.progress.converged else SolveStatus.FEASIBLE
-
-    def _failed(self, R_NB: ArrayLike, omega_BN_B: ArrayLike, elapsed_s: float
-                ) -> AttitudeMpcSolution:
-        """Return the zero plan for a state that cannot be predicted from."""
-        n = self.config.horizon
-        return AttitudeMpcSolution(
-            np.zeros(3), np.zeros((n, 3)), np.tile(np.asarray(R_NB, dtype=float), (n + 1, 1, 1)),
-            np.tile(np.asarray(omega_BN_B, dtype=float), (n + 1, 1)), float('nan'), 0, elapsed_s,
-            SolveStatus.FAILED, float('inf'), float('inf'), False, float('nan'), float('nan'))

@@ -4,9 +4,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.dynamics.wheel_allocation import WheelAllocation
+from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.mpc.scaling import Array
 
 
@@ -40,6 +46,7 @@ class AttitudeMpcSolution:
     bound that the theory puts on the next tick's cost; ``terminal_ratio`` is ``xi^T P xi / c`` of
     the measured state, at most 1 inside the terminal set. ``solve_time_s`` is the whole call,
     ``local_time_s`` the part of it that the local solver took, without the Python around it.
+    ``wheel_torque_n_m`` (n,) are the motor torques of the first step, where momenta were given.
     """
 
     torque_B_n_m: Array
@@ -56,3 +63,36 @@ class AttitudeMpcSolution:
     promised_cost: float
     terminal_ratio: float
     local_time_s: float = float('nan')
+    wheel_torque_n_m: Array | None = None
+
+
+def failed(R_NB: ArrayLike, omega_BN_B: ArrayLike, horizon: int, elapsed_s: float
+           ) -> AttitudeMpcSolution:
+    """Return the zero plan for a state that cannot be predicted from."""
+    return AttitudeMpcSolution(
+        np.zeros(3), np.zeros((horizon, 3)),
+        np.tile(np.asarray(R_NB, dtype=float), (horizon + 1, 1, 1)),
+        np.tile(np.asarray(omega_BN_B, dtype=float), (horizon + 1, 1)), float('nan'), 0, elapsed_s,
+        SolveStatus.FAILED, float('inf'), float('inf'), False, float('nan'), float('nan'))
+
+
+def with_wheels(solution: AttitudeMpcSolution, config: AttitudeMpcConfig,
+                momentum_n_m_s: ArrayLike) -> AttitudeMpcSolution:
+    """Return a solution with the motor torques of its first step.
+
+    As much of the torque as the wheels can give in this state, in its direction.
+
+    Raises
+    ------
+    ConfigurationError
+        Where momenta (n,) [N m s] are not those of the configuration's wheels.
+
+    """
+    wheels, momentum = config.wheels, np.asarray(momentum_n_m_s, dtype=float)
+    size = 0 if wheels is None else len(wheels)
+    if wheels is None or momentum.shape != (size,) or not np.isfinite(momentum).all():
+        raise ConfigurationError('wheel_momentum_n_m_s', momentum_n_m_s,
+                                 f'{size} numbers, one for each of the configured wheels')
+    allocation = WheelAllocation(wheels, config.inertia_kg_m2, config.step_s,
+                                 solution.omega_BN_B[0], momentum, solution.torque_B_n_m)
+    return replace(solution, wheel_torque_n_m=allocation.motor_torques(allocation.part()))

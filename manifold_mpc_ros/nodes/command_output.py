@@ -18,14 +18,14 @@ from manifold_mpc_ros.nodes.managed_node import ManagedNode, Status
 
 
 class CommandOutput:
-    """Publishes commands on every topic of a description.
+    """Publishes commands on every topic of descriptions.
 
     Arguments
     ---------
     node
         Who publishes.
     given
-        The description: the name of a shipped one, or a YAML file.
+        The descriptions: names of shipped ones, or YAML files.
     body_frame_id, full_scale_n_m
         As of `CommandWriter`.
 
@@ -34,13 +34,14 @@ class CommandOutput:
     """
 
     def __init__(
-        self, node: ManagedNode, given: str, body_frame_id: str, full_scale_n_m: Sequence[float],
+        self, node: ManagedNode, given: Sequence[str], body_frame_id: str,
+        full_scale_n_m: Sequence[float],
     ) -> None:
-        """Advertise the topics of the description."""
+        """Advertise the topics of the descriptions."""
         self._node = node
         self._outputs = [
             _Output(node, described, CommandWriter(described, body_frame_id, full_scale_n_m))
-            for described in command_description(given)]
+            for each in given for described in command_description(each)]
         self._others: list[str] = []
 
     def close(self) -> None:

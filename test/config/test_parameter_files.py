@@ -80,9 +80,10 @@ def test_every_parameter_is_described_and_has_a_valid_default(spec: ParameterSpe
     assert spec.description
     assert spec.check(spec.default) == spec.default
     numeric = spec.kind in ('float', 'floats')
-    suffix = re.search(r'_(s|rad|rad_s|n_m|kg_m2)$', spec.name)
+    suffix = re.search(r'_(n_m_s|s|rad|rad_s|n_m|kg_m2)$', spec.name)
     if suffix:
-        unit = {'s': 's', 'rad': 'rad', 'rad_s': 'rad/s', 'n_m': 'N m', 'kg_m2': 'kg m^2'}
+        unit = {'s': 's', 'rad': 'rad', 'rad_s': 'rad/s', 'n_m': 'N m', 'n_m_s': 'N m s',
+                'kg_m2': 'kg m^2'}
         assert spec.unit == unit[suffix.group(1)]
     if numeric:
         assert spec.unit

@@ -38,10 +38,14 @@ class Pairs:
     """Thrust pairs of 0.5 N m each, in steps of ``least_n_m``."""
 
     least_n_m = LEAST_N_M
+    refusal = ''
 
     @classmethod
     def from_config(cls, _config: AttitudeMpcConfig) -> Pairs:
         return cls()
+
+    def observe(self, omega_BN_B: np.ndarray, devices: np.ndarray | None) -> None:
+        self.observed = omega_BN_B, devices
 
     def limited(self, torque_B_n_m: np.ndarray, part: float = 1.0) -> np.ndarray:
         asked = np.max(np.abs(np.linalg.pinv(AXES_B) @ torque_B_n_m))
@@ -52,6 +56,9 @@ class Pairs:
         if self.least_n_m:
             device = self.least_n_m * np.round(device / self.least_n_m)
         return Actuation(torque_B_n_m, device, AXES_B @ device)
+
+    def rest(self) -> Actuation:
+        return self.allocate(np.zeros(3))
 
 
 class FinePairs(Pairs):

@@ -93,7 +93,8 @@ def test_the_dump_of_a_node_loads(node: ManagedNode) -> None:
         assert all(each.successful for each in asked(node, before, together=together))
     assert values_of(node) == before
     whole = {name: [int(each) for each in value] for name, value in before.items()
-             if isinstance(value, list) and all(float(each).is_integer() for each in value)}
+             if isinstance(value, list) and not isinstance(value[0], str)
+             and all(float(each).is_integer() for each in value)}
     assert all(each.successful for each in asked(node, whole))
 
 
@@ -120,7 +121,8 @@ def test_what_is_read_only_says_so_and_nothing_is_after_cleanup(node: ManagedNod
         else SIMULATOR_PARAMETERS
     other = {'bool': lambda value: not value, 'str': lambda value: value + 'x',
              'int': lambda value: value + 1, 'float': lambda value: value + 1e-3,
-             'floats': lambda value: [1.5 * each for each in value]}
+             'floats': lambda value: [1.5 * each for each in value],
+             'strs': lambda value: [each + 'x' for each in value]}
     before = values_of(node)
     changes = {spec.name: list(spec.choices)[-1] if spec.choices else other[spec.kind](
         before[spec.name]) for spec in table} | {'use_sim_time': True}

@@ -13,6 +13,7 @@ import numpy as np
 
 from manifold_mpc_ros.config.cones import Cone
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.config.wheels import WheelArray
 from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.lab.certification.double_integrator import double_integrator_problem
 from manifold_mpc_ros.lab.certification.enclosure import Array, ClosedLoop
@@ -23,7 +24,8 @@ KINDS = ('attitude', 'pointing', 'double integrator')
 
 
 # Limits that a certificate names where the configuration has them.
-_WHERE_GIVEN = {'rate_ellipsoid_s2', 'max_rate_norm_rad_s', 'max_kinetic_energy_j', 'cones'}
+_WHERE_GIVEN = {'rate_ellipsoid_s2', 'max_rate_norm_rad_s', 'max_kinetic_energy_j', 'cones',
+                'wheels'}
 
 
 def describe(config: AttitudeMpcConfig) -> tuple[str, dict[str, Any]]:
@@ -78,8 +80,8 @@ def _plain(value: Any) -> Any:
         return [_plain(entry) for entry in value.tolist()]
     if isinstance(value, (list, tuple)):
         return [_plain(entry) for entry in value]
-    if isinstance(value, Cone):
-        return {name: _plain(entry) for name, entry in vars(value).items()}
+    if isinstance(value, (Cone, WheelArray)):
+        return {entry.name: _plain(getattr(value, entry.name)) for entry in fields(value)}
     return 'inf' if isinstance(value, float) and value == float('inf') else value
 
 
@@ -88,5 +90,5 @@ def _unplain(value: Any) -> Any:
     if isinstance(value, list):
         return [_unplain(entry) for entry in value]
     if isinstance(value, dict):
-        return Cone(**value)
+        return (WheelArray if 'null_space' in value else Cone)(**value)
     return float('inf') if value == 'inf' else value

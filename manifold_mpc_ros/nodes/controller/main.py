@@ -7,7 +7,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from manifold_mpc_ros.config.interfaces import BOND, command_topics, setpoint_topics, state_topics
+from manifold_mpc_ros.config.interfaces import (
+    BOND,
+    WHEEL_STATES,
+    command_topics,
+    setpoint_topics,
+    state_topics,
+)
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
 from manifold_mpc_ros.nodes.process import run
 from manifold_mpc_ros.nodes.usage import Program
@@ -21,12 +27,14 @@ PROGRAM = Program(
     subscribes=(
         *state_topics(),
         *setpoint_topics(),
+        WHEEL_STATES,
         ('direction_setpoint', 'geometry_msgs/msg/Vector3Stamped', 'commanded direction'),
         ('/clock', 'rosgraph_msgs/msg/Clock', 'time, with use_sim_time'),
         BOND,
     ),
     publishes=(
         *command_topics(),
+        *command_topics('wheels'),
         ('~/prediction', 'nav_msgs/msg/Path', 'predicted attitudes'),
         ('~/disturbance', 'geometry_msgs/msg/WrenchStamped', 'estimated disturbance torque'),
         ('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'mode, solver, refusals'),

@@ -37,6 +37,7 @@ from manifold_mpc_ros.nodes.controller.law_factory import law_with
 from manifold_mpc_ros.nodes.controller.realtime import Realtime
 from manifold_mpc_ros.nodes.controller.run_time_parameters import LawChanges
 from manifold_mpc_ros.nodes.controller.tick_timing import AnswerTiming, TickTiming, arrival_s
+from manifold_mpc_ros.nodes.controller.wheel_input import WheelInput
 from manifold_mpc_ros.nodes.described_inputs import DescribedSetpoint
 from manifold_mpc_ros.nodes.managed_node import STATE_QOS, ManagedNode, Status
 from manifold_mpc_ros.nodes.setpoint_input import SetpointInput
@@ -85,7 +86,8 @@ class AttitudeControllerNode(ManagedNode):
         self._ticks = self._setpoints = 0
         self._said: tuple[tuple[object, ...], float] = ((), 0.0)
         self._output = CommandOutput(
-            self, config.command_sink, config.body_frame_id, config.full_scale_torque_n_m)
+            self, config.command_sinks, config.body_frame_id, config.full_scale_torque_n_m)
+        self._wheels = WheelInput(self, config)
         self._insight = Insight(self)
         self._states = StateInput(
             self, config.state_source, STATE_QOS, self._on_state, self._on_duplicate)
@@ -103,6 +105,7 @@ class AttitudeControllerNode(ManagedNode):
         for setpoints in self._setpoint_inputs:
             setpoints.close()
         self._output.close()
+        self._wheels.close()
         self._insight.close()
 
     def start(self) -> None:
@@ -138,6 +141,7 @@ class AttitudeControllerNode(ManagedNode):
         """Forget states, setpoint, plan, warm start and fault."""
         self._loop.reset()
         self._states.forget()
+        self._wheels.forget()
         self._command = None
         self._last_ns = 0
 
@@ -153,7 +157,7 @@ class AttitudeControllerNode(ManagedNode):
             ticks=self._ticks, setpoints=self._setpoints, backend=self._law.backend,
             **self._changes.values(),
             scheduling=self._realtime.scheduling, memory=self._realtime.memory)
-        status.values.update(self._timing.values())
+        status.values.update(self._timing.values() | self._wheels.values(self._loop))
         latest = self._loop.sample
         if latest is not None and not self._config.lockstep:
             status.values['state_age_s'] = max(0, self._now_ns() - latest.stamp_ns) / NANOSECONDS
@@ -216,7 +220,8 @@ class AttitudeControllerNode(ManagedNode):
                 self._repeat(read.stamp_ns)
         elif self._config.lockstep:
             begun_s = arrival_s(info)
-            self._publish(self._decided(LOCKSTEP), begun_s)
+            self._wheels.when_reported(
+                read.stamp_ns, lambda: self._publish(self._decided(LOCKSTEP), begun_s))
 
     def _on_duplicate(self, topic: str) -> None:
         """Command zero until a reset: which of two publishers is right nobody knows."""
@@ -255,6 +260,7 @@ class AttitudeControllerNode(ManagedNode):
         """Return the command of a tick, zero where an error of our own came between."""
         try:
             self._take_change()
+            self._wheels.hand_over(self._loop)
             return self._loop.tick(at)
         except Exception as error:  # noqa: BLE001  (no tick without a command)
             self.barrier.note('tick', error)

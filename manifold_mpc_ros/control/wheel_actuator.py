@@ -1,0 +1,124 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The actuator ``wheels``: a body torque to motor torques of reaction wheels [N m].
+
+The torque of the step is made exactly, gyroscopic torque of the stored momentum included, where
+motors and momenta leave room. A wheel that is not reported is not used until it is. With fewer
+than three independent axes left no torque can be promised: whatever is asked for, every wheel
+that works then brakes the body about its own axis, u_i = k w_i . omega, which never adds energy.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.config.wheels import BoolArray, WheelArray
+from manifold_mpc_ros.control.actuator import Actuation, Array
+from manifold_mpc_ros.dynamics.inertia import existence_guard
+from manifold_mpc_ros.dynamics.wheel_allocation import WheelAllocation
+from manifold_mpc_ros.errors import ConfigurationError
+
+#: The time constant of braking with too few wheels, in control steps.
+BRAKING_STEPS = 4.0
+
+
+class WheelActuator:
+    """Reaction wheels, as they were last reported.
+
+    Arguments
+    ---------
+    wheels
+        The array.
+    inertia_kg_m2
+        J (3, 3) of the body without the wheels' inertia about their axes.
+    step_s
+        Time for which a command holds [s].
+
+    ``refusal`` says why no torque can be given, empty when it can.
+    """
+
+    def __init__(self, wheels: WheelArray, inertia_kg_m2: Array, step_s: float) -> None:
+        """Take the wheels for at rest until they are reported."""
+        self.wheels = self._array = wheels
+        self._J, self._h = inertia_kg_m2, step_s
+        self._braking = existence_guard(inertia_kg_m2) / (BRAKING_STEPS * len(wheels) * step_s)
+        self._momentum, self._omega = np.zeros(len(wheels)), np.zeros(3)
+        self._unknown = np.zeros(len(wheels), dtype=bool)
+        self.refusal = ''
+
+    @classmethod
+    def from_config(cls, config: AttitudeMpcConfig) -> WheelActuator:
+        """Return the actuator with the wheels of a configuration.
+
+        Raises ConfigurationError where it has none.
+        """
+        if config.wheels is None:
+            raise ConfigurationError('wheels', None, 'a WheelArray, for wheels as actuators')
+        return cls(config.wheels, config.inertia_kg_m2, config.step_s)
+
+    def observe(self, omega_BN_B: Array, devices: Array | None) -> None:
+        """Take the body rate (3,) [rad/s] and momenta (n,) [N m s], NaN where not reported.
+
+        A wheel keeps its last momentum while it is not reported.
+        """
+        self._omega = omega_BN_B
+        if devices is None:
+            return
+        unknown = ~np.isfinite(devices)
+        self._momentum = np.where(unknown, self._momentum, devices)
+        if (unknown != self._unknown).any():
+            self._unknown = unknown
+            self._use(unknown)
+
+    def _use(self, unknown: BoolArray) -> None:
+        """Work with the wheels that are reported, or say why that is too little."""
+        try:
+            self.wheels, self.refusal = self._array.without(unknown), ''
+        except ConfigurationError:
+            self.refusal = (f'only {np.count_nonzero(self._working)} of {len(self._array)} wheels '
+                            'work: fewer than three independent axes')
+
+    @property
+    def _working(self) -> BoolArray:
+        """Which wheels work (n,) bool."""
+        return np.asarray(self._array.available & ~self._unknown)
+
+    def _allocation(self, torque_B_n_m: Array) -> WheelAllocation:
+        """Return the allocation of a torque (3,) in the state of now."""
+        return WheelAllocation(
+            self.wheels, self._J, self._h, self._omega, self._momentum, torque_B_n_m)
+
+    def limited(self, torque_B_n_m: Array, part: float = 1.0) -> Array:
+        """Scale a finite torque (3,) [N m] into what the wheels can give.
+
+        Of less than the whole set, momentum and gyroscopic torque are not counted.
+        """
+        if self.refusal:
+            return torque_B_n_m
+        with np.errstate(over='ignore'):
+            largest = self.wheels.torques.gauge(torque_B_n_m) / part
+        scale = 1.0 / largest if largest > 1.0 else 1.0
+        if part == 1.0:
+            scale *= self._allocation(scale * torque_B_n_m).part()
+        return torque_B_n_m if scale == 1.0 else scale * torque_B_n_m
+
+    def allocate(self, torque_B_n_m: Array) -> Actuation:
+        """Map a torque (3,) [N m] within the limits to motor torques (n,) [N m]."""
+        if self.refusal:
+            return self._braked()
+        allocation = self._allocation(torque_B_n_m)
+        motor = allocation.motor_torques()
+        return Actuation(torque_B_n_m, motor, allocation.realised(motor))
+
+    def rest(self) -> Actuation:
+        """Return no motor torque: the body feels the gyroscopic torque of the wheels alone."""
+        motor = np.zeros(len(self.wheels))
+        return Actuation(np.zeros(3), motor, self._allocation(np.zeros(3)).realised(motor))
+
+    def _braked(self) -> Actuation:
+        """Return motor torques that take energy from the body."""
+        limits = self._array.max_torque_n_m * self._working
+        motor = np.clip(self._braking * self._array.axes_B @ self._omega, -limits, limits)
+        torque_B = -self._array.axes_B.T @ motor
+        return Actuation(torque_B, motor, torque_B)

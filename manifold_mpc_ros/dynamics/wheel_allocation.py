@@ -1,0 +1,183 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""From a body torque to the motor torques of reaction wheels, and back.
+
+A body with wheels of momenta h_w (absolute, about their axes) keeps ``Pi + W h_w`` but for
+turning, so wheels of motor torques u act on it, over a step that turns it by f = cay(c), as the
+body torque of the symmetric step
+
+    tau = -2/h c x (W h_w) - (I + c^x) W u,    c = h/2 omega_mid,
+
+the gyroscopic torque of the stored momentum included (docs/theory.md (25)). The rate in the
+middle of the step is predicted to the first order, which leaves an error of the third in momentum.
+"""
+
+from __future__ import annotations
+
+import itertools
+from copy import copy
+
+import numpy as np
+from scipy.optimize import linprog
+
+from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.config.wheels import WheelArray
+from manifold_mpc_ros.lie.so3 import hat
+
+# Wheels apart by this part of their capacity keep from zero speed.
+_BIAS = 0.3
+# A null space motion takes this many steps.
+_NULL_STEPS = 10.0
+# A motor at its momentum limit keeps this part of its torque, so that ratios are numbers.
+_LEAST_PART = 1e-9
+
+
+class WheelAllocation:
+    """Motor torques of one array in one state, for the body torque of a step.
+
+    Arguments
+    ---------
+    wheels
+        The array; wheels that are not available get no torque.
+    inertia_kg_m2
+        J (3, 3) of the body without the wheels' inertia about their axes.
+    step_s
+        Time h for which motor torques are held [s].
+    omega_BN_B
+        Body rate (3,) at its begin [rad/s].
+    momentum_n_m_s
+        Momentum h_w (n,) of every wheel at its begin [N m s].
+    torque_B_n_m
+        The body torque tau (3,) that is asked for [N m].
+
+    """
+
+    def __init__(self, wheels: WheelArray, inertia_kg_m2: FloatArray, step_s: float,
+                 omega_BN_B: FloatArray, momentum_n_m_s: FloatArray, torque_B_n_m: FloatArray,
+                 ) -> None:
+        """Find the turn of the step, and the limits of motors: their own, and of momentum."""
+        self._wheels, self._h, self._momentum = wheels, step_s, momentum_n_m_s
+        self._torque = torque_B_n_m
+        rising = np.linalg.solve(inertia_kg_m2, torque_B_n_m - (
+            hat(omega_BN_B) @ inertia_kg_m2 @ omega_BN_B))
+        middle = omega_BN_B + step_s / 2 * rising
+        self._turned = np.eye(3) + hat(step_s / 2 * middle)
+        self._gyroscopic = hat(middle) @ wheels.axes_B.T @ momentum_n_m_s
+        top, room = wheels.max_torque_n_m, wheels.max_momentum_n_m_s
+        least = _LEAST_PART * top
+        self.low = -np.clip((room + momentum_n_m_s) / step_s, least, top) * wheels.available
+        self.high = np.clip((room - momentum_n_m_s) / step_s, least, top) * wheels.available
+
+    def demand(self, part: float = 1.0) -> FloatArray:
+        """Return the ``W u`` (3,) that gives this part of the torque [N m]."""
+        return np.asarray(np.linalg.solve(
+            self._turned, -part * self._torque - self._gyroscopic))
+
+    def realised(self, motor_n_m: FloatArray) -> FloatArray:
+        """Map motor torques (n,) to the body torque (3,) that they give [N m]."""
+        return -self._gyroscopic - self._turned @ (self._wheels.matrix @ motor_n_m)
+
+    def part(self) -> float:
+        """Return the largest s <= 1 with ``s tau`` among what the wheels can give now.
+
+        0 where no such s is, which the gyroscopic torque alone may cause.
+        """
+        rest, whole = self.demand(0.0), self.demand()
+        centre, reach = self._facets()
+        along, slope = (self._wheels.normals @ each for each in (rest, whole - rest))
+        room = np.concatenate([reach + centre - along, reach - centre + along])
+        slope = np.concatenate([slope, -slope])
+        with np.errstate(divide='ignore', invalid='ignore'):
+            ends = room / slope
+        least = np.max(ends, where=slope < 0.0, initial=0.0)
+        most = np.min(ends, where=slope > 0.0, initial=1.0)
+        beyond = least > most or bool((room[slope == 0.0] < 0.0).any())
+        return 0.0 if beyond else float(most)
+
+    def _facets(self) -> tuple[FloatArray, FloatArray]:
+        """Return ``n . W centre`` and the reach from it, of every facet normal n."""
+        normals, W = self._wheels.normals, self._wheels.matrix
+        along = normals @ W
+        return (along @ (self.low + self.high)) / 2, np.abs(along) @ (self.high - self.low) / 2
+
+    def motor_torques(self, part: float = 1.0) -> FloatArray:
+        """Return motor torques (n,) within their limits for this part of the torque [N m].
+
+        ``W u`` is the demand to rounding where it is among what the wheels can give, else in its
+        direction. The largest part of its limit that a motor uses is the least possible, but for
+        what the null space is used for.
+        """
+        motor = self._least(self.demand(part))
+        with np.errstate(divide='ignore', invalid='ignore'):
+            parts = np.where(motor > 0.0, motor / self.high, motor / self.low)
+        motor = motor / max(1.0, float(np.max(parts, where=motor != 0.0, initial=0.0)))
+        if self._wheels.null_space == 'least_torque':
+            return motor
+        return motor + self._null_motion(motor)
+
+    def _least(self, demand: FloatArray) -> FloatArray:
+        """Return u with ``W u = demand`` and the least s of ``s low <= u <= s high``."""
+        W, n = self._wheels.matrix, len(self._wheels)
+        used = np.flatnonzero(self._wheels.available)
+        if len(used) == 3:
+            motor = np.zeros(n)
+            motor[used] = np.linalg.solve(W[:, used], demand)
+            return motor
+        if len(used) == 4:
+            return self._least_of_line(
+                self._wheels.inverse @ demand, self._wheels.null_basis[:, 0])
+        scale = self._wheels.max_torque_n_m[used]
+        size = float(np.abs(demand).max()) or 1.0
+        k = len(used)
+        limits = np.block([[np.eye(k), -(self.high[used] / scale)[:, None]],
+                           [-np.eye(k), (self.low[used] / scale)[:, None]]])
+        found = linprog(np.append(np.zeros(k), 1.0), A_ub=limits, b_ub=np.zeros(2 * k),
+                        A_eq=np.hstack([W[:, used] * scale, np.zeros((3, 1))]) / size,
+                        b_eq=demand / size, bounds=[(None, None)] * k + [(0, None)])
+        motor = np.zeros(n)
+        motor[used] = scale * found.x[:k]
+        return motor + self._wheels.inverse @ (demand - W @ motor)
+
+    def _least_of_line(self, motor: FloatArray, line: FloatArray) -> FloatArray:
+        """Return the least of ``motor + y line``: the lowest crossing of its linear pieces."""
+        used = self._wheels.available
+        limits = np.concatenate([self.high[used], self.low[used]])
+        begin, slope = (np.tile(each[used], 2) / limits for each in (motor, line))
+        with np.errstate(divide='ignore', invalid='ignore'):
+            y = (begin[:, None] - begin) / (slope - slope[:, None])
+        y = y[np.isfinite(y)]
+        largest = np.max(begin + np.multiply.outer(y, slope), axis=1)
+        return motor + float(y[np.argmin(largest)]) * line
+
+    def _null_motion(self, motor: FloatArray) -> FloatArray:
+        """Return motor torques (n,) that turn nothing and lead momenta to where they belong.
+
+        As far as the limits leave room beside ``motor``.
+        """
+        wheels = self._wheels
+        basis = wheels.null_basis
+        if not basis.shape[1]:
+            return 0.0 * motor
+        wanted = (self._apart(basis) if wheels.null_space == 'away_from_zero'
+                  else self._balanced())
+        change = basis @ (basis.T @ (wanted - self._momentum)) / (_NULL_STEPS * self._h)
+        with np.errstate(divide='ignore', invalid='ignore'):
+            room = np.where(change > 0.0, self.high - motor, self.low - motor) / change
+        return change * float(np.clip(np.min(room, where=change != 0.0, initial=1.0), 0.0, 1.0))
+
+    def _apart(self, basis: FloatArray) -> FloatArray:
+        """Return momenta (n,) that turn nothing, all of them far from zero, on the side of now."""
+        used, room = self._wheels.available, self._wheels.max_momentum_n_m_s
+        ratios = [basis @ np.array(signs) / room for signs in itertools.product(
+            (1.0, -1.0), repeat=basis.shape[1])]
+        apart = max(ratios, key=lambda each: float(np.abs(each[used]).min()))
+        side = -1.0 if float(apart @ self._momentum) < 0.0 else 1.0
+        return np.asarray(side * _BIAS / np.abs(apart).max() * apart * room)
+
+    def _balanced(self) -> FloatArray:
+        """Return momenta (n,) of the same sum, the largest relative one the least possible."""
+        wheels = self._wheels
+        still = copy(self)
+        still.high = wheels.max_momentum_n_m_s * wheels.available
+        still.low = -still.high
+        return still._least(wheels.matrix @ self._momentum)
