@@ -8,7 +8,7 @@ With c = s . R b (s a direction in N, b an axis in B) a cone of half angle theta
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -125,6 +125,36 @@ def unique_cones(key: str, value: Any) -> tuple[Cone, ...]:
     if len(names) < len(given) or len(set(names)) < len(names):
         raise ConfigurationError(key, value, 'cones (Cone) with names of their own')
     return given
+
+
+def cone_names(values: Mapping[str, Any]) -> list[str]:
+    """Return the names of the cones among a controller's checked parameters."""
+    return [name for name in values.get('cones.names', ()) if name]
+
+
+def cones_from(values: Mapping[str, Any]) -> tuple[Cone, ...]:
+    """Return the cones that a controller's checked parameters describe."""
+    return tuple(Cone(
+        name, values[f'cones.{name}.axis_B'], values[f'cones.{name}.direction_N'],
+        float(np.radians(values[f'cones.{name}.half_angle_deg'])), values[f'cones.{name}.kind'])
+        for name in cone_names(values))
+
+
+def check_target(given: Sequence[Cone], key: str, target: str) -> None:
+    """Refuse the identity as a target (as the value ``target`` of a key says) that cones forbid.
+
+    Raises
+    ------
+    ConfigurationError
+        With the angle that is missing.
+
+    """
+    for each in given:
+        margin = float(each.margins_rad(np.eye(3)))
+        if margin < 0.0:
+            raise ConfigurationError(
+                key, target, f'a target that the cone {each.name!r} allows '
+                f'({np.degrees(-margin):.3g} degrees are missing, between samples included)')
 
 
 def directions(given: Sequence[Cone], directions_N: Any, horizon: int) -> FloatArray:

@@ -19,6 +19,7 @@ from manifold_mpc_ros.config.cones import (
     Cone,
     best_margin_rad,
     between_samples,
+    cones_from,
     unique_cones,
 )
 from manifold_mpc_ros.config.parameter import (
@@ -166,7 +167,7 @@ class AttitudeMpcConfig:
         chosen: dict[str, Any] = by_field(
             CONTROLLER_PARAMETERS, values, (entry.name for entry in fields(cls)))
         try:
-            return cls(wheels=wheels_of(values), **chosen)
+            return cls(wheels=wheels_of(values), cones=cones_from(values), **chosen)
         except ConfigurationError as error:
             raise named_as_parameter(CONTROLLER_PARAMETERS, error) from None
 

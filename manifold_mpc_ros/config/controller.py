@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from manifold_mpc_ros.config.cones import check_target
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.description import (
     command_description,
@@ -79,7 +80,10 @@ class ControllerConfig:
             CONTROLLER_PARAMETERS, values, (field.name for field in fields(cls)))
         state_description(chosen['state_source'])
         setpoint_description(chosen['setpoint_source'])
-        return cls(mpc=AttitudeMpcConfig.from_parameters(values), **chosen)
+        mpc = AttitudeMpcConfig.from_parameters(values)
+        if chosen['initial_setpoint'] == 'identity' and mpc.target == 'attitude':
+            check_target(mpc.kept_cones, 'initial_setpoint', 'identity')
+        return cls(mpc=mpc, **chosen)
 
     @property
     def command_sinks(self) -> tuple[str, ...]:

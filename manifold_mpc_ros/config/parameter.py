@@ -7,13 +7,13 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from manifold_mpc_ros.config import checks as checks
 from manifold_mpc_ros.errors import ConfigurationError
 
-Kind = Literal['float', 'int', 'bool', 'str', 'floats', 'strs']
+Kind = Literal['float', 'int', 'bool', 'str', 'floats', 'strs', 'names']
 Value = float | int | bool | str | list[float] | list[str]
 
 #: Parameters that every rclpy node has; they are nobody's mistake in a parameter file.
@@ -29,7 +29,8 @@ class ParameterSpec:
     them. ``read_only`` ones are fixed when the node starts; the others are read at configure.
     ``name_in_config`` is the attribute of the configuration class where that is not the last
     part of the name. ``lengths`` are the valid numbers of elements of a 'floats' parameter, any
-    number when empty.
+    number when empty. Every name of a 'names' parameter GROUP.names brings the parameters
+    GROUP.NAME.X of ``each``; one empty name stands for none, as ROS has no empty list in a file.
     """
 
     name: str
@@ -45,6 +46,7 @@ class ParameterSpec:
     required: bool = False
     read_only: bool = False
     name_in_config: str = ''
+    each: tuple[ParameterSpec, ...] = ()
 
     @property
     def field(self) -> str:
@@ -60,6 +62,8 @@ class ParameterSpec:
             return f'a list of {sizes}numbers{free}'
         if self.kind == 'strs':
             return 'a list of texts that are not empty'
+        if self.kind == 'names':
+            return "a list of different names of letters, digits and underscores ([''] for none)"
         if self.choices:
             return 'one of ' + ', '.join(map(repr, self.choices))
         noun = {'float': 'a number', 'int': 'an integer', 'bool': 'true or false',
@@ -74,6 +78,8 @@ class ParameterSpec:
             return self._check_floats(value)
         if self.kind == 'strs':
             return self._check_texts(value)
+        if self.kind == 'names':
+            return self._check_names(value)
         if self.kind == 'bool':
             return checks.boolean(self.name, value)
         if self.kind == 'str':
@@ -88,6 +94,14 @@ class ParameterSpec:
         if not low <= result <= high:
             raise ConfigurationError(self.name, value, self.valid)
         return int(value) if self.kind == 'int' else result
+
+    def _check_names(self, value: Any) -> list[str]:
+        """Return a list of names, or of one empty name."""
+        names = list(value) if isinstance(value, (list, tuple)) else [value]
+        valid = all(isinstance(name, str) and name.isidentifier() for name in names)
+        if names != [''] and not (names and valid and len(set(names)) == len(names)):
+            raise ConfigurationError(self.name, value, self.valid)
+        return names
 
     def _check_floats(self, value: Any) -> list[float]:
         """Return a list of numbers of a valid length; one bare number is a list of one."""
@@ -123,6 +137,7 @@ def resolve_parameters(
         For an unknown name (with the nearest valid one), a missing one, or an invalid value.
 
     """
+    specs = with_named(specs, given)
     refuse_unknown(specs, given)
     checks.boolean('use_sim_time', given.get('use_sim_time', False))
     values: dict[str, Value] = {}
@@ -135,6 +150,27 @@ def resolve_parameters(
         else:
             values[spec.name] = spec.check(spec.default)
     return values
+
+
+def with_named(specs: Sequence[ParameterSpec], given: Mapping[str, Any]
+               ) -> tuple[ParameterSpec, ...]:
+    """Return a table with the parameters of every name that was given.
+
+    Raises
+    ------
+    ConfigurationError
+        For a list of names that is not valid.
+
+    """
+    table = {spec.name: spec for spec in specs}
+    for spec in [spec for spec in specs if spec.each]:
+        names = spec.check(given.get(spec.name, spec.default))
+        assert isinstance(names, list)
+        for name in filter(None, names):
+            for one in spec.each:
+                full = f'{spec.name.removesuffix("names")}{name}.{one.name}'
+                table[full] = replace(one, name=full)
+    return tuple(table.values())
 
 
 def refuse_unknown(specs: Sequence[ParameterSpec], given: Mapping[str, Any]) -> None:

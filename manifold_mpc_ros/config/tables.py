@@ -63,6 +63,22 @@ def _weight(name: str, default: list[float], description: str, unit: str) -> Par
                          lengths=(3, 9), required=True)
 
 
+#: Parameters of a cone, below ``cones.NAME``.
+CONE_PARAMETERS = (
+    ParameterSpec(
+        'axis_B', 'floats', [0.0, 0.0, 1.0], 'body axis', unit='1', lengths=(3,), required=True),
+    ParameterSpec(
+        'half_angle_deg', 'float', 30.0, 'half angle', unit='deg', low=0.001, high=179.999,
+        required=True),
+    ParameterSpec(
+        'kind', 'str', 'keep_out', 'whether the axis stays out of the cone, or in it',
+        choices=('keep_out', 'keep_in')),
+    ParameterSpec(
+        'direction_N', 'floats', [1.0, 0.0, 0.0],
+        'axis of the cone in inertial axes', unit='1',
+        lengths=(3,), required=True),
+)
+
 CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
     replace(_INERTIA, read_only=False),
     _MAX_TORQUE,
@@ -77,6 +93,10 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
         'limits.max_kinetic_energy_j', 'floats', [math.inf],
         'largest kinetic energy of the rotation, omega^T J omega / 2', unit='J', lengths=(1,),
         infinite=True),
+    ParameterSpec(
+        'cones.names', 'names', [''],
+        'names of the cones that body axes stay out of, or in; each has parameters of its own',
+        read_only=True, each=CONE_PARAMETERS),
     ParameterSpec(
         'mpc.step_s', 'float', 0.5, 'step of prediction, and period of the torque command',
         unit='s', low=0.0, high=3600.0, required=True, read_only=True),

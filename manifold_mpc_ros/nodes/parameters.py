@@ -22,6 +22,7 @@ from manifold_mpc_ros.config.parameter import (
     ParameterSpec,
     Value,
     resolve_parameters,
+    with_named,
 )
 from manifold_mpc_ros.errors import ConfigurationError
 
@@ -54,15 +55,25 @@ class NodeParameters:
     ) -> None:
         """Declare what was not given, describe what was."""
         self._node = node
+        self._given = set(node.list_parameters([], 0).names)
+        specs = self._with_named(specs)
         self._specs = {spec.name: spec for spec in specs}
         self._complete = complete
         self._check: Callable[[dict[str, Value]], object] | None = None
         self._restoring = False
-        self._given = set(node.list_parameters([], 0).names)
         for spec in specs:
             self._declare(spec)
         self.changeable = True
         node.add_on_set_parameters_callback(self._on_set)
+
+    def _with_named(self, specs: Sequence[ParameterSpec]) -> Sequence[ParameterSpec]:
+        """Return the table with what the names that were given bring."""
+        given = {spec.name: self._read(spec.name) for spec in specs
+                 if spec.each and spec.name in self._given}
+        try:
+            return with_named(specs, given)
+        except ConfigurationError:
+            return specs  # resolve() raises it again, when the node configures
 
     @property
     def changeable(self) -> bool:

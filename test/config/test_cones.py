@@ -19,6 +19,10 @@ from manifold_mpc_ros.config.cones import (
     between_samples,
     directions,
 )
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.config.controller import ControllerConfig
+from manifold_mpc_ros.config.parameter import resolve_parameters
+from manifold_mpc_ros.config.tables import CONTROLLER_PARAMETERS
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3
 
@@ -106,3 +110,53 @@ def test_directions_are_by_name_and_for_every_node() -> None:
                   {'sun': (np.inf, 0, 0)}):
         with pytest.raises(ConfigurationError, match='directions_N'):
             directions(cones, wrong, 3)
+
+
+def cone_parameters(**changes: Any) -> dict[str, Any]:
+    """Return parameters of a controller with slow limits and one cone, changed."""
+    given = {'limits.max_rate_rad_s': [0.2], 'cones.names': ['sun'], 'cones.sun.axis_B': [1, 0, 0],
+             'cones.sun.half_angle_deg': 25.0, 'cones.sun.direction_N': [0, 2, 0]}
+    return {**given, **changes}
+
+
+def test_cones_in_parameters() -> None:
+    values = resolve_parameters(CONTROLLER_PARAMETERS, cone_parameters(), complete=False)
+    (cone,) = AttitudeMpcConfig.from_parameters(values).cones
+    assert (cone.name, cone.kind) == ('sun', 'keep_out')
+    assert cone.half_angle_rad == pytest.approx(np.radians(25.0))
+    np.testing.assert_array_equal(cone.direction_N, [0.0, 1.0, 0.0])
+    assert AttitudeMpcConfig.from_parameters(
+        resolve_parameters(CONTROLLER_PARAMETERS, {}, complete=False)).cones == ()
+
+
+@pytest.mark.parametrize(('changes', 'key'), [
+    ({'cones.sun.half_angle_deg': 180.0}, 'cones.sun.half_angle_deg'),
+    ({'cones.sun.axis_B': [0, 0, 0]}, 'cones.sun.axis_B'),
+    ({'cones.sun.kind': 'out'}, 'cones.sun.kind'),
+    ({'cones.sun.colour': 'red'}, 'cones.sun.colour'),
+    ({'cones.moon.axis_B': [1, 0, 0]}, 'cones.moon.axis_B'),
+    ({'cones.names': ['sun', 'sun']}, 'cones.names'),
+    ({'cones.names': ['sun', '']}, 'cones.names'),
+    ({'cones.names': []}, 'cones.names'),
+])
+def test_mistakes_in_parameters_name_the_full_key(changes: dict[str, Any], key: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        AttitudeMpcConfig.from_parameters(resolve_parameters(
+            CONTROLLER_PARAMETERS, cone_parameters(**changes), complete=False))
+    assert caught.value.key == key
+
+
+def test_a_parameter_file_gives_all_of_a_cone() -> None:
+    given = cone_parameters()
+    del given['cones.sun.axis_B']
+    full = {spec.name: spec.default for spec in CONTROLLER_PARAMETERS} | given
+    with pytest.raises(ConfigurationError, match=r'^cones\.sun\.axis_B: '):
+        resolve_parameters(CONTROLLER_PARAMETERS, full, complete=True)
+
+
+def test_a_first_setpoint_in_a_cone_is_refused_with_the_angle_that_is_missing() -> None:
+    ahead = {'cones.sun.direction_N': [1.0, 0.2, 0.0]}
+    given = resolve_parameters(CONTROLLER_PARAMETERS, cone_parameters(**ahead), complete=False)
+    with pytest.raises(ConfigurationError, match=r'^initial_setpoint: .*degrees are missing'):
+        ControllerConfig.from_parameters(given)
+    assert ControllerConfig.from_parameters({**given, 'initial_setpoint': 'hold'}).mpc.cones

@@ -39,6 +39,8 @@ def near_valid(spec: Any) -> st.SearchStrategy[Any]:
         return st.integers(-1, 60)
     if spec.kind == 'float':
         return st.floats(0.001, 2.0) | any_float
+    if spec.kind == 'names':
+        return st.just([''])
     return st.booleans() if spec.kind == 'bool' else st.sampled_from([*spec.choices, 'other'])
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from manifold_mpc_ros.cli import arguments as shared
 from manifold_mpc_ros.cli import provenance
 from manifold_mpc_ros.config.controller import ControllerConfig
-from manifold_mpc_ros.config.parameter import Value, resolve_parameters
+from manifold_mpc_ros.config.parameter import Value, resolve_parameters, with_named
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
 from manifold_mpc_ros.config.yaml_file import parameter_file_text, read_parameter_file
 
@@ -134,8 +134,8 @@ def _parameters(recorded: BagRun, config_file: Path | None) -> dict[str, Value]:
     """Return the controller's parameters: of a file, of the recording, or the shipped ones."""
     noted = recorded.description.controller_parameters
     if config_file is None and (noted or recorded.scenario is not None):
-        known = {spec.name: noted[spec.name] for spec in CONTROLLER_PARAMETERS
-                 if spec.name in noted}
+        known = {spec.name: noted[spec.name] for spec in with_named(
+            CONTROLLER_PARAMETERS, noted) if spec.name in noted}
         scenario = recorded.scenario
         given = {**(scenario.controller_parameters if scenario else {}), **known}
         return resolve_parameters(CONTROLLER_PARAMETERS, given, complete=False)

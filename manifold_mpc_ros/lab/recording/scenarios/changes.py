@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
-from manifold_mpc_ros.config.parameter import ParameterSpec, Value, refuse_unknown
+from manifold_mpc_ros.config.parameter import ParameterSpec, Value, refuse_unknown, with_named
 from manifold_mpc_ros.config.yaml_file import flatten_parameters
 from manifold_mpc_ros.errors import ConfigurationError
 
@@ -33,8 +33,9 @@ def parameter_changes(
         for name, by in decided.items():
             if name in flat:
                 raise ConfigurationError(name, flat[name], f'left out: {by} decides it')
-        refuse_unknown(specs, flat)
-        return {spec.name: spec.check(flat[spec.name]) for spec in specs if spec.name in flat}
+        table = with_named(specs, flat)
+        refuse_unknown(table, flat)
+        return {spec.name: spec.check(flat[spec.name]) for spec in table if spec.name in flat}
     return named(node, read)
 
 
