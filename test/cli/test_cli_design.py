@@ -91,9 +91,11 @@ def test_the_design_of_a_pointing_controller(
         np.degrees(np.sqrt(design.c / np.linalg.eigvalsh(design.P[:2, :2])[-1])))
 
 
-@pytest.mark.parametrize(('smallest', 'word'), [(7, '(enough)'), (31, '(NOT enough')])
+@pytest.mark.parametrize(('smallest', 'words'), [
+    (7, ('(enough)',)), (31, ('(NOT enough', 'torque_weight times 4 makes N = 20 enough'))])
 def test_the_horizon_is_compared_with_the_configured_one(
-    command: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, smallest: int, word: str,
+    command: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, smallest: int,
+    words: tuple[str, ...],
 ) -> None:
     def found(
         _config: AttitudeMpcConfig, *, terminal: TerminalDesign,
@@ -104,10 +106,12 @@ def test_the_horizon_is_compared_with_the_configured_one(
         return HorizonReport(smallest, np.array([0.0, np.pi, 0.0]), 132, {4: 0, smallest: 132})
 
     monkeypatch.setattr('manifold_mpc_ros.lab.domain.horizon.smallest_horizon', found)
+    monkeypatch.setattr(
+        'manifold_mpc_ros.lab.domain.horizon.gentler_torque_weight', lambda _config: 4.0)
     status, out, err = command('design', '--json', tmp_path / 'design.json')
-    assert (status, err) == (0, '')
+    assert (status, err) == (int(smallest > 20), '')
     assert 'N = 4: tried' in out
-    assert word in out
+    assert [word for word in words if word not in out] == []
     assert '180 deg about (0, 1, 0)' in out
     assert 'sampled states at rest' in out
     horizon = json.loads((tmp_path / 'design.json').read_text(encoding='utf-8'))['horizon']

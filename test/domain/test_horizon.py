@@ -16,7 +16,12 @@ from strategies import generator, half_turns, unit_vectors
 
 from manifold_mpc_ros.errors import DesignError
 from manifold_mpc_ros.lab.benchmark.peers.oracle import Oracle
-from manifold_mpc_ros.lab.domain.horizon import HorizonReport, rest_states, smallest_horizon
+from manifold_mpc_ros.lab.domain.horizon import (
+    HorizonReport,
+    gentler_torque_weight,
+    rest_states,
+    smallest_horizon,
+)
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.solution import SolveStatus
@@ -75,6 +80,15 @@ def test_the_hardest_attitude_needs_it(found: tuple[HorizonReport, list[str]]) -
 def test_a_horizon_that_cannot_suffice_is_a_design_error(cache_dir: Path) -> None:
     with pytest.raises(DesignError, match='horizon 2 is not enough'):
         smallest_horizon(configuration(**QUICK), largest=2, cache_dir=cache_dir)
+
+
+def test_a_torque_weight_is_suggested_with_which_the_horizon_is_enough(cache_dir: Path) -> None:
+    """Three steps are too few for a tenth of the weight, and the factor found restores them."""
+    stiff = configuration(**{**QUICK, 'torque_weight': 2 * np.eye(3), 'horizon': 3})
+    factor = gentler_torque_weight(stiff, cache_dir=cache_dir)
+    assert factor is not None
+    gentler = configuration(**{**QUICK, 'torque_weight': 2 * factor * np.eye(3), 'horizon': 3})
+    assert smallest_horizon(gentler, cache_dir=cache_dir).smallest <= 3
 
 
 def test_ten_steps_are_the_fewest_with_the_reference_limits(

@@ -5,7 +5,8 @@
 An answer needs no optimum. Every iterate of the solver is a roll-out of the model by torques
 strictly inside their limits, so the first iterate whose rates keep their limits and whose last
 state is in the terminal set is a plan that paper (Dn_defn) asks for: the state *is* in D_N, up
-to rounding. When no start of the global search leads to one, the answer is 'not found'; that is
+to rounding. When no start of the global search leads to one, the controller itself is asked, so
+that both say the same; where it is 'infeasible', the answer is 'not found', which is
 evidence that the state is outside, not a proof (IPOPT agrees on samples, test_domain.py).
 """
 
@@ -18,11 +19,13 @@ import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.mpc import search
+from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.backends.build import load_solver
 from manifold_mpc_ros.mpc.plan_finder import VIOLATION
 from manifold_mpc_ros.mpc.program import options
 from manifold_mpc_ros.mpc.program.numbers import numbers_of
 from manifold_mpc_ros.mpc.scaling import Array, scaling_of
+from manifold_mpc_ros.mpc.solution import SolveStatus
 from manifold_mpc_ros.mpc.stages.inequalities import structure_of
 from manifold_mpc_ros.terminal.design import TerminalDesign
 
@@ -40,6 +43,7 @@ class Feasibility:
         structure = structure_of(config)
         make, self.backend = load_solver(structure, config.horizon, backend, cache_dir)
         self._solver = make(numbers_of(config, terminal, terminal.c, structure))
+        self._mpc = AttitudeMpc(config, backend=backend, cache_dir=cache_dir, terminal=terminal)
         self._starts = search.starts(config)
         self._plan = self._solver.new_plan()
         self._unit = scaling_of(config)
@@ -61,7 +65,10 @@ class Feasibility:
                 self._solver.iterate(progress.passes + _PASSES_BETWEEN)
             else:
                 return self._plan.torques * self._unit.torque_n_m
-        return None
+        self._mpc.reset()
+        solution = self._mpc.solve(R_NB, omega_BN_B)
+        found = solution.status in (SolveStatus.CONVERGED, SolveStatus.FEASIBLE)
+        return solution.torques_B_n_m if found else None
 
     def terminal_ratio(self, R_NB: Array, omega_BN_B: Array) -> float:
         """Return ``xi^T P xi / c`` of a state, at most 1 in X_T = D_0."""

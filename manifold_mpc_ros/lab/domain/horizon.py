@@ -13,9 +13,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.config.tables import CONTROLLER_PARAMETERS
 from manifold_mpc_ros.errors import DesignError
 from manifold_mpc_ros.lab.domain.domain import (
-    LARGEST_HORIZON,
     NONE,
     Round,
     Settings,
@@ -28,8 +28,12 @@ from manifold_mpc_ros.terminal.problem_of import terminal_design
 
 # Axes of exact half turns beside x, y and z, and points of the uniform grid.
 _HALF_TURNS, _GRID = 30, 100
-# The first N that is tried.
+# The first N that is tried, and the last: as many as the parameter may be.
 _FIRST = 4
+LARGEST_HORIZON = next(int(each.high) for each in CONTROLLER_PARAMETERS
+                       if each.name == 'mpc.horizon' and each.high is not None)
+# Factors on the torque weight that are suggested.
+_GENTLER = (4.0, 16.0, 64.0)
 
 Progress = Callable[[str], None]
 
@@ -83,7 +87,28 @@ def smallest_horizon(
     if any(domain.largest == NONE for domain in found):
         raise DesignError(
             f'horizon {largest} is not enough to reach the terminal set from every state at '
-            'rest; allow more torque or rate, or a longer step')
+            'rest; allow more torque or rate, a longer step, or a larger torque_weight (a gentler '
+            'local law has a larger terminal set)')
     hardest = max(found, key=lambda domain: domain.largest)
     return HorizonReport(hardest.largest, hardest.states.vectors[hardest.hardest],
                          sum(map(len, states)), dict(sorted(tried.items())))
+
+
+def gentler_torque_weight(config: AttitudeMpcConfig, *, cache_dir: str | Path | None = None
+                          ) -> float | None:
+    """Return the least factor tried on the torque weight that makes the configured N enough.
+
+    A gentler local law stays within the torque limits farther from the target, so its terminal
+    set is larger and nearer. None when no factor does, or its design does not exist.
+    """
+    for factor in _GENTLER:
+        gentler = replace(config, torque_weight=factor * config.torque_weight)
+        try:
+            found = smallest_horizons(
+                gentler, terminal_design(gentler), rest_states(config), only_largest=True,
+                settings=Settings(largest=config.horizon, cache_dir=cache_dir))
+        except DesignError:
+            continue
+        if all(domain.largest != NONE for domain in found):
+            return factor
+    return None

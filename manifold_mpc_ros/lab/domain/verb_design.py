@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Design, print; 0, as an answer that somebody may not like is an answer."""
+    """Design, print; 1 when the configured horizon is not enough."""
     from manifold_mpc_ros.cli import console as report
     from manifold_mpc_ros.terminal.problem_of import terminal_design
     path = shared.controller_config_path(arguments.controller_config)
@@ -77,7 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
         text = json.dumps(as_data(config, design, horizon), indent=2, allow_nan=False)
         arguments.json.write_text(text + '\n', encoding='utf-8')
         report.say_written(console, [arguments.json])
-    return 0
+    return int(horizon is not None and horizon.smallest > config.horizon)
 
 
 def _print_design(console: Console, design: TerminalDesign, target: str) -> None:
@@ -126,6 +126,7 @@ def _print_horizon(
     angle_deg = math.degrees(float(np.linalg.norm(horizon.hardest)))
     axis = report.vector_text(np.asarray(horizon.hardest) / np.linalg.norm(horizon.hardest))
     enough = horizon.smallest <= config.horizon
+    gentler = None if enough else _find_weight(console, config)
     console.print(report.result_table('Horizon', [
         ('smallest N', f'{horizon.smallest} ({horizon.smallest * config.step_s:g} s) makes each '
          f'of {horizon.attitudes} sampled states at rest feasible'),
@@ -133,7 +134,17 @@ def _print_horizon(
         ('configured N', f'{config.horizon} '
          + ('(enough)' if enough else '(NOT enough: from some states at rest no plan was found '
             'that ends in the terminal set)')),
+        *([] if enough else [('otherwise', 'a longer step_s' if gentler is None else (
+            f'torque_weight times {gentler:g} makes N = {config.horizon} enough, '
+            'at the price of slower slews'))]),
     ]))
+
+
+def _find_weight(console: Console, config: AttitudeMpcConfig) -> float | None:
+    """Search a torque weight with which the configured horizon is enough."""
+    from manifold_mpc_ros.lab.domain.horizon import gentler_torque_weight
+    with console.status('Searching a torque weight with which the configured N is enough'):
+        return gentler_torque_weight(config)
 
 
 def _find_horizon(
