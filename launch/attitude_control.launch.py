@@ -6,12 +6,14 @@ ros2 launch manifold_mpc_ros attitude_control.launch.py namespace:=sat1 with_sim
 ros2 launch manifold_mpc_ros attitude_control.launch.py odometry:=/ekf/odometry rviz:=true
 
 Everything that can fail is resolved before the first process starts, and the controller starts
-last; when it or the simulator ends, what was started beside it ends too.
+last; when it or the simulator ends, what was started beside it ends too, and when launch itself
+is killed, every node does.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
+from shutil import which
 
 from launch.actions import (
     DeclareLaunchArgument,
@@ -32,6 +34,8 @@ from launch import LaunchDescription
 
 PACKAGE = 'manifold_mpc_ros'
 RESPAWN_DELAY_S = 0.5
+#: Linux sends a node SIGINT, as Ctrl-C does, when the process that started it is no more.
+END_WITH_LAUNCH = 'setpriv --pdeathsig INT '
 TOPICS = {
     'odometry': 'states, controller and simulator',
     'imu': "states, the controller's other input",
@@ -128,8 +132,11 @@ def _node(
         options['ros_arguments'] = _enclave(context, executable)
     elif not topics['/clock'].startswith('/'):
         topics['/clock'] = '/'.join(['', namespace.strip('/'), topics['/clock']])
+    prefix = [END_WITH_LAUNCH if which('setpriv') else '',
+              LaunchConfiguration('launch-prefix', default='')]
     return Node(
-        package=package, executable=executable, output='screen', parameters=parameters,
+        package=package, executable=executable, exec_name=executable, prefix=prefix,
+        output='screen', parameters=parameters,
         remappings=[(name, topic) for name, topic in topics.items() if name != topic], **options)
 
 

@@ -13,6 +13,7 @@ import runpy
 import sys
 import types
 from pathlib import Path
+from shutil import which
 from typing import Any
 
 import pytest
@@ -92,7 +93,7 @@ def launch(monkeypatch: pytest.MonkeyPatch) -> Launch:
 def test_it_imports_launch_and_launch_ros_and_nothing_else() -> None:
     tree = ast.parse(FILE.read_text(encoding='utf-8'))
     imported = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
-    assert imported <= {*MODULES, '__future__', 'pathlib'}
+    assert imported <= {*MODULES, '__future__', 'pathlib', 'shutil'}
     assert not [node for node in ast.walk(tree) if isinstance(node, ast.Import)]
 
 
@@ -111,6 +112,8 @@ def test_nodes_and_their_order(launch: Launch) -> None:
     for name, kwargs in nodes.items():
         assert (kwargs['package'], kwargs['namespace']) == ('manifold_mpc_ros', 'sat1')
         assert kwargs['remappings'] == []
+        assert kwargs['exec_name'] == name
+        assert kwargs['prefix'][0] == ('setpriv --pdeathsig INT ' if which('setpriv') else '')
         flag, enclave = kwargs['ros_arguments']
         assert (flag, enclave.rpartition('/')[0]) == ('--enclave', '/sat1')
         assert (REPOSITORY / 'config' / 'sros2' / f'{Path(enclave).name}.xml').exists()

@@ -12,7 +12,9 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
+from shutil import which
 
 import pytest
 
@@ -20,7 +22,7 @@ pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 pytest.importorskip('launch_ros', reason='ROS 2 (launch, launch_ros) is not installed')
 
 from geometry_msgs.msg import WrenchStamped
-from harness import PATIENCE_S, Rig, child_environment
+from harness import PATIENCE_S, Rig, child_environment, torque_of
 from nav_msgs.msg import Odometry
 
 FOLDER = Path(__file__).parent
@@ -65,11 +67,16 @@ class LaunchRun:
         os.killpg(self._popen.pid, signal.SIGINT)
         return self.wait()
 
+    def kill(self) -> None:
+        """Kill launch alone."""
+        self._popen.kill()
+        self.wait()
+
     def end(self) -> None:
         """Leave nothing running."""
-        if self._popen.poll() is None:
+        with suppress(ProcessLookupError):
             os.killpg(self._popen.pid, signal.SIGKILL)
-            self.wait()
+        self.wait()
 
 
 @pytest.fixture
@@ -130,6 +137,16 @@ def test_it_closes_the_loop_under_other_names_and_ends(
     run.interrupt()
     assert run.left == [], run.log
     assert run.log.count('process has finished cleanly') == 3, run.log
+
+
+@pytest.mark.skipif(which('setpriv') is None, reason='setpriv (util-linux) is not installed')
+def test_nodes_end_when_launch_is_killed(rig: Rig, launched: type[LaunchRun]) -> None:
+    torques = rig.watch(WrenchStamped, '/torque_command')
+    run = launched()
+    rig.until(lambda: len(torques) > 3, 'the loop', meanwhile=lambda: _alive(run))
+    run.kill()
+    rig.until(lambda: run.left == [], 'the end of every node')
+    assert torque_of(torques[-1]) == (0.0, 0.0, 0.0)
 
 
 def _alive(run: LaunchRun) -> None:
