@@ -19,7 +19,6 @@ from __future__ import annotations
 import argparse
 import itertools
 import json
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
