@@ -122,7 +122,8 @@ def test_what_is_read_only_says_so_and_nothing_is_after_cleanup(node: ManagedNod
     other = {'bool': lambda value: not value, 'str': lambda value: value + 'x',
              'int': lambda value: value + 1, 'float': lambda value: value + 1e-3,
              'floats': lambda value: [1.5 * each for each in value],
-             'strs': lambda value: [each + 'x' for each in value]}
+             'strs': lambda value: [each + 'x' for each in value],
+             'names': list}
     before = values_of(node)
     changes = {spec.name: list(spec.choices)[-1] if spec.choices else other[spec.kind](
         before[spec.name]) for spec in table} | {'use_sim_time': True}
