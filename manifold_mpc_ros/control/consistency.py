@@ -6,12 +6,12 @@ Between two states k and l, T apart, the attitude turns by F = R_k^T R_l, and th
 exp(w T) with w the mean of omega_BN_B, by the trapezoidal rule over the states between. They
 disagree by r = |log(exp(-w T) F)| / T [rad/s]. A true state may disagree by
 
-    A dt / 4 + max(0, |delta omega| - A dt) + |omega| |delta omega| T / 6 + 0.05 |omega|
-    + 2 (e / T + e / h),
+    A dt / 4 + |omega| |delta omega| T / 6 + 0.05 |omega| + 2 (e / T + e / h),
 
 with A the largest angular acceleration (torque limits, gyroscopic torque), dt the longest time
-between two states, |delta omega| the largest change of the rate (what A does not explain is
-noise) and e the declared error of a measured attitude. More is a contradiction only where one of
+between two states, |delta omega| the largest change of the rate and e the declared error of a
+measured attitude; and by noise that nobody declared, seen in changes of the rate that are beyond
+A dt, and in what no convention explains. More is a contradiction only where one of
 `CONVENTIONS`, a linear map of the rate, explains the motion four times better: noise, gaps, late
 messages and a frozen sensor do not find one that fits again and again. Pure logic: states in, a
 sentence out.
@@ -146,12 +146,22 @@ class MotionBounds:
     def allowed(self, seen: _Window, elapsed_s: float) -> FloatArray:
         """Return how far a true state may disagree, by convention [rad/s]."""
         fastest, change = _SCALES * seen.fastest, _SCALES * seen.change
-        possible = (self.acceleration_rad_s2 + self.gyroscopic * fastest ** 2) * seen.longest_s
+        possible = self._possible(seen)
         accelerated = np.where(np.isfinite(possible), 0.25 * possible, 0.5 * change)
         return np.asarray(
-            accelerated + np.maximum(0.0, change - possible)
-            + fastest * change * elapsed_s / 6.0 + RATE_PART * fastest
+            accelerated + fastest * change * elapsed_s / 6.0 + RATE_PART * fastest
             + 2.0 * self.noise_rad * (1.0 / elapsed_s + 1.0 / self.step_s))
+
+    def beyond_torque(self, seen: _Window) -> FloatArray:
+        """Return by how much the rate changed more than any torque does, by convention [rad/s]."""
+        possible = self._possible(seen)
+        return np.maximum(0.0, _SCALES * seen.change - np.where(
+            np.isfinite(possible), possible, 0.0))
+
+    def _possible(self, seen: _Window) -> FloatArray:
+        """Return the largest change of the rate between two states, by convention [rad/s]."""
+        gyroscopic = self.gyroscopic * (_SCALES * seen.fastest) ** 2
+        return np.asarray((self.acceleration_rad_s2 + gyroscopic) * seen.longest_s)
 
 
 class _Window:
@@ -203,6 +213,7 @@ class ConsistencyCheck:
         self._agreeing = np.zeros(len(CONVENTIONS), dtype=np.bool_)
         self._squares = np.zeros(len(CONVENTIONS))
         self._unexplained_rad: deque[float] = deque(maxlen=NOISE_COMPARISONS)
+        self._jumps_rad_s: deque[FloatArray] = deque(maxlen=NOISE_COMPARISONS)
         self._sentence, self._large = '', False
 
     @property
@@ -250,8 +261,10 @@ class ConsistencyCheck:
         turns = (_MATRICES @ window.turns[_INERTIAL][..., None])[..., 0]
         angles = so3.angle(so3.exp(-turns) @ F)
         self._unexplained_rad.append(float(angles.min()))
+        self._jumps_rad_s.append(bounds.beyond_torque(window))
+        rate_noise = 2.0 * np.median(np.array(self._jumps_rad_s), axis=0)
         least = np.maximum(
-            elapsed_s * bounds.allowed(window, elapsed_s),
+            elapsed_s * (bounds.allowed(window, elapsed_s) + rate_noise),
             NOISE_FACTOR * float(np.median(self._unexplained_rad)))
         explaining = (angles[0] > least) & (angles <= EXPLAINED * np.minimum(
             angles[0], np.linalg.norm(turns, axis=-1)))
