@@ -37,7 +37,7 @@ from manifold_mpc_ros.lie import so3
 MOST_CONTRADICTIONS = 4
 #: Comparisons before the first torque by a clock (in lockstep one), unless the body is at rest;
 #: and before a contradiction is believed that is no larger than noise of a poor sensor [rad], or
-#: that permuted axes explain.
+#: that permuted axes explain (which takes two in a row later, too).
 FIRST_COMPARISONS, POOR_SENSOR_RAD = 3, 0.1
 #: A convention explains a motion if it leaves at most this part of the disagreement.
 EXPLAINED = 0.25
@@ -214,17 +214,25 @@ class ConsistencyCheck:
         self._squares = np.zeros(len(CONVENTIONS))
         self._unexplained_rad: deque[float] = deque(maxlen=NOISE_COMPARISONS)
         self._jumps_rad_s: deque[FloatArray] = deque(maxlen=NOISE_COMPARISONS)
-        self._sentence, self._large = '', False
+        self._sentence, self._large, self._likely = '', False, False
 
     @property
     def is_ready(self) -> bool:
         """Whether enough states have been compared to act, or to say that they contradict."""
-        return self._compared >= self._needed and (self._count == 0 or self._is_sure)
+        return self._compared >= self._needed and (
+            not self._count or self._is_sure or not self._is_early)
+
+    @property
+    def _is_early(self) -> bool:
+        """Whether it is too early to know the noise."""
+        return len(self._unexplained_rad) < FIRST_COMPARISONS
 
     @property
     def _is_sure(self) -> bool:
         """Whether a contradiction is more than noise."""
-        return self._large or len(self._unexplained_rad) >= FIRST_COMPARISONS
+        if self._likely:
+            return self._large or not self._is_early
+        return self._count > 1 and not self._is_early
 
     @property
     def contradiction(self) -> str:
@@ -282,7 +290,8 @@ class ConsistencyCheck:
         self._squares = residuals ** 2 + (self._squares if again else 0.0)
         best = float(self._squares[self._agreeing].min())
         likeliest = int(np.argmax(self._agreeing & (self._squares <= 4.0 * best + 1e-12)))
-        self._large = float(angles[0]) > POOR_SENSOR_RAD and likeliest < len(_LIKELY)
+        self._large = float(angles[0]) > POOR_SENSOR_RAD
+        self._likely = likeliest < len(_LIKELY)
         self._sentence = (
             f'attitude and rate contradict each other by {residuals[0]:.3g} rad/s; they would '
             f'agree if {CONVENTIONS[likeliest].words}')
