@@ -64,11 +64,6 @@ class Convention:
     matrix: FloatArray
     inertial: bool = False
 
-    @property
-    def scale(self) -> float:
-        """|w| / |omega|."""
-        return float(np.linalg.norm(self.matrix[0]))
-
 
 def _permutations() -> list[Convention]:
     """Return the other 46 ways to name three axes and their signs."""
@@ -77,11 +72,10 @@ def _permutations() -> list[Convention]:
             itertools.permutations(range(3)), itertools.product((1.0, -1.0), repeat=3)):
         matrix = np.array(signs)[:, None] * np.eye(3)[list(order)]
         if abs(np.trace(matrix)) < 3.0:
-            axes = ', '.join(
-                ('-' if sign < 0.0 else '') + 'xyz'[axis]
-                for sign, axis in zip(signs, order, strict=True))
+            axes = (f'{"-" * (sign < 0.0)}{"xyz"[axis]}' for sign, axis in zip(signs, order))
             found.append(Convention(
-                f'the axes are permuted: the body rate is ({axes}) of the rate', matrix))
+                f'the axes are permuted: the body rate is ({", ".join(axes)}) of the rate',
+                matrix))
     return found
 
 
@@ -100,7 +94,8 @@ CONVENTIONS = (*_LIKELY, *_permutations())
 _MATRICES = np.array([each.matrix for each in CONVENTIONS])
 #: The row of `_Window.turns` that each reads.
 _INERTIAL = np.array([int(each.inertial) for each in CONVENTIONS])
-_SCALES = np.array([each.scale for each in CONVENTIONS])
+#: |w| / |omega| of each.
+_SCALES = np.linalg.norm(_MATRICES[:, 0], axis=-1)
 
 
 @dataclass(frozen=True)
@@ -133,8 +128,8 @@ class MotionBounds:
 
     def at_rest(self, sample: StateSample) -> bool:
         """Return whether a state is at rest, which it is in every convention."""
-        change = 0.0 if math.isinf(self.acceleration_rad_s2) else (
-            self.acceleration_rad_s2 * self.step_s)
+        limited = math.isfinite(self.acceleration_rad_s2)
+        change = self.acceleration_rad_s2 * self.step_s if limited else 0.0
         return float(np.linalg.norm(sample.omega_BN_B)) <= REST_PART * change
 
     @property
@@ -214,25 +209,20 @@ class ConsistencyCheck:
         self._squares = np.zeros(len(CONVENTIONS))
         self._unexplained_rad: deque[float] = deque(maxlen=NOISE_COMPARISONS)
         self._jumps_rad_s: deque[FloatArray] = deque(maxlen=NOISE_COMPARISONS)
-        self._sentence, self._large, self._likely = '', False, False
+        self._sentence, self._large, self._likely, self._early = '', False, False, True
 
     @property
     def is_ready(self) -> bool:
         """Whether enough states have been compared to act, or to say that they contradict."""
         return self._compared >= self._needed and (
-            not self._count or self._is_sure or not self._is_early)
-
-    @property
-    def _is_early(self) -> bool:
-        """Whether it is too early to know the noise."""
-        return len(self._unexplained_rad) < FIRST_COMPARISONS
+            not self._count or self._is_sure or not self._early)
 
     @property
     def _is_sure(self) -> bool:
         """Whether a contradiction is more than noise."""
         if self._likely:
-            return self._large or not self._is_early
-        return self._count > 1 and not self._is_early
+            return self._large or not self._early
+        return self._count > 1 and not self._early
 
     @property
     def contradiction(self) -> str:
@@ -269,6 +259,7 @@ class ConsistencyCheck:
         turns = (_MATRICES @ window.turns[_INERTIAL][..., None])[..., 0]
         angles = so3.angle(so3.exp(-turns) @ F)
         self._unexplained_rad.append(float(angles.min()))
+        self._early = len(self._unexplained_rad) < FIRST_COMPARISONS
         self._jumps_rad_s.append(bounds.beyond_torque(window))
         rate_noise = 2.0 * np.median(np.array(self._jumps_rad_s), axis=0)
         least = np.maximum(

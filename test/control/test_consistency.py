@@ -7,6 +7,7 @@ from __future__ import annotations
 import dataclasses
 import os
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -71,11 +72,10 @@ class Geometric(Script):
         self._law = FallbackLaw(config)
 
     def solve(
-        self, R_NB: Array, omega_BN_B: Array, R_ND: Array | None = None, *,
-        max_solve_time_s: float | None = None,
+        self, R_NB: Array, omega_BN_B: Array, R_ND: Array | None = None, **given: Any,
     ) -> AttitudeMpcSolution:
         self.torque = self._law.torque(R_NB, omega_BN_B, np.eye(3) if R_ND is None else R_ND)
-        return super().solve(R_NB, omega_BN_B, R_ND, max_solve_time_s=max_solve_time_s)
+        return super().solve(R_NB, omega_BN_B, R_ND, **given)
 
 
 @dataclasses.dataclass
