@@ -31,6 +31,19 @@ def add_topics(parser: argparse.ArgumentParser) -> None:
     for name, meaning in _OPTIONS:
         group.add_argument(
             f'--{name.replace("_", "-")}', metavar='TOPIC', dest=f'topic_{name}', help=meaning)
+    for name, what in _DESCRIPTIONS:
+        group.add_argument(
+            f'--{name.replace("_", "-")}', metavar='DESCRIPTION', dest=f'described_{name}',
+            default='', help=f'messages of {what}, by the name of a shipped description (px4, '
+                             'basilisk, ...) or a YAML file (docs/interfaces.md)')
+    group.add_argument(
+        '--full-scale-torque', type=float, nargs=3, metavar='N_M', default=(float('inf'),),
+        help='torque about each axis that is 1 in normalised commands [N m]')
+
+
+_DESCRIPTIONS = (
+    ('state_source', 'states'), ('setpoint_source', 'commanded attitudes'),
+    ('command_sink', 'commands'))
 
 
 def topics_given(arguments: argparse.Namespace) -> TopicNames | None:
@@ -39,9 +52,14 @@ def topics_given(arguments: argparse.Namespace) -> TopicNames | None:
     Raises ConfigurationError when the options do not go together.
     """
     from manifold_mpc_ros.lab.recording.bags.run import TopicNames
+    from manifold_mpc_ros.lab.recording.bags.translate import StackDescriptions
     given = {name: value for name, _ in _OPTIONS
              if (value := getattr(arguments, f'topic_{name}')) is not None}
-    if not given:
+    described = {name: getattr(arguments, f'described_{name}') for name, _ in _DESCRIPTIONS}
+    stack = StackDescriptions(
+        **described, full_scale_torque_n_m=tuple(arguments.full_scale_torque),
+    ) if any(described.values()) else None
+    if not given and stack is None:
         return None
     if ('pose' in given) != ('twist' in given):
         missing = 'twist' if 'pose' in given else 'pose'
@@ -50,4 +68,4 @@ def topics_given(arguments: argparse.Namespace) -> TopicNames | None:
         raise ConfigurationError('--state', given['state'], 'left out with --pose and --twist')
     if 'pose' in given:
         given['state'] = ''
-    return replace(TopicNames(), **given)
+    return replace(TopicNames(), **given, stack=stack)

@@ -7,14 +7,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from manifold_mpc_ros.config.description import state_description
+from manifold_mpc_ros.config.interfaces import command_topics, state_topics
 from manifold_mpc_ros.config.parameter import Value
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, SIMULATOR_NAME
 from manifold_mpc_ros.config.yaml_file import parameter_file_text
+from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lab.recording.scenarios.parts import LinkFault
 from manifold_mpc_ros.lab.recording.scenarios.scenario import Scenario
 
-ODOMETRY, IMU = 'nav_msgs/msg/Odometry', 'sensor_msgs/msg/Imu'
-WRENCH, PATH = 'geometry_msgs/msg/WrenchStamped', 'nav_msgs/msg/Path'
+PATH = 'nav_msgs/msg/Path'
+#: Types of what the simulator publishes of a state, and hears of a command, by topic.
+STATES = {f'/{name}': kind for name, kind, _ in state_topics()}
+COMMANDS = {f'/{name}': kind for name, kind, _ in command_topics()}
 #: What a topic is called behind a link.
 BEHIND = '_link'
 OTHERS = {
@@ -48,10 +53,23 @@ class RecordPlan:
 
     scenario: Scenario
 
+    def __post_init__(self) -> None:
+        """Raise ConfigurationError for messages that the simulator does not speak."""
+        for parameter, topics, spoken in (
+            ('state_source', state_topics, {*STATES.items()}),
+            ('command_sink', command_topics, {*COMMANDS.items()}),
+        ):
+            given = str(self.scenario.controller_parameters[parameter])
+            if not {(f'/{name}', kind) for name, kind, _ in topics(given)} <= spoken:
+                raise ConfigurationError(
+                    parameter, given, 'messages that the simulator speaks: '
+                    + ', '.join(sorted(kind for _, kind in spoken)))
+
     @property
     def state_topic(self) -> str:
         """The topic that the simulator publishes the controller's state on."""
-        return f'/{self.scenario.controller_parameters["state_source"]}'
+        given = str(self.scenario.controller_parameters['state_source'])
+        return f'/{state_description(given).attitude.topic}'
 
     @property
     def links(self) -> dict[str, LinkPlan]:
@@ -63,18 +81,18 @@ class RecordPlan:
         faults, links = self.scenario.faults, {}
         later = any(setpoint.at_s > 0.0 for setpoint in self.scenario.setpoints)
         if faults.state_link.acts or (later and self.scenario.lockstep):
-            kind = IMU if self.state_topic == '/imu' else ODOMETRY
-            links[CONTROLLER_NAME] = LinkPlan(self.state_topic, kind, faults.state_link)
+            links[CONTROLLER_NAME] = LinkPlan(
+                self.state_topic, STATES[self.state_topic], faults.state_link)
         if faults.command_link.acts:
-            links[SIMULATOR_NAME] = LinkPlan('/torque_command', WRENCH, faults.command_link)
+            (topic, kind), = COMMANDS.items()
+            links[SIMULATOR_NAME] = LinkPlan(topic, kind, faults.command_link)
         return links
 
     @property
     def stamped(self) -> dict[str, str]:
         """Topics by name with their type whose stamps are simulated time."""
         behind = {link.target: link.kind for link in self.links.values()}
-        return {'/odometry': ODOMETRY, '/imu': IMU, '/torque_command': WRENCH, PREDICTION: PATH,
-                **behind}
+        return {**STATES, **COMMANDS, PREDICTION: PATH, **behind}
 
     @property
     def others(self) -> dict[str, str]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from manifold_mpc_ros.cli import arguments as shared
 from manifold_mpc_ros.cli import provenance
 from manifold_mpc_ros.config.controller import ControllerConfig
+from manifold_mpc_ros.config.description import PLAIN
 from manifold_mpc_ros.config.parameter import Value, resolve_parameters, with_named
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
 from manifold_mpc_ros.config.yaml_file import parameter_file_text, read_parameter_file
@@ -65,7 +66,8 @@ class ReplayPlan:
         elif rate is None:
             feed = feed.every(config.mpc.step_s)
         parameters.update({'lockstep': rate is None, 'autostart': False,
-                           'state_source': feed.state_source})
+                           'state_source': feed.state_source, 'setpoint_source': PLAIN,
+                           'command_sink': PLAIN})
         return cls(recorded, parameters, feed, rate)
 
     @property

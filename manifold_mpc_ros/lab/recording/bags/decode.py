@@ -16,6 +16,8 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.config.description import state_description
+from manifold_mpc_ros.control.described_source import read_part
 from manifold_mpc_ros.lab.recording.bags.contents import RawMessage
 from manifold_mpc_ros.lab.recording.bags.series import NANOSECONDS
 from manifold_mpc_ros.lie import so3
@@ -29,7 +31,7 @@ PATH, STRING = 'nav_msgs/msg/Path', 'std_msgs/msg/String'
 Decoded = TypeVar('Decoded')
 
 #: What reading damaged bytes as a message may raise.
-_DAMAGE = (SerdeError, struct.error, ValueError, IndexError, KeyError, TypeError, AssertionError,
+DAMAGE = (SerdeError, struct.error, ValueError, IndexError, KeyError, TypeError, AssertionError,
            OverflowError, MemoryError, AttributeError)
 
 
@@ -78,7 +80,7 @@ def decode(
             decoded = Stamped(stamp_ns, message.received_ns, read(content))
         except Unusable as error:
             damaged(str(error))
-        except _DAMAGE as error:
+        except DAMAGE as error:
             damaged(f'could not be read as {kind} ({" ".join(str(error).split())[:120]})')
         else:
             yield decoded
@@ -89,32 +91,8 @@ def read_text(message: RawMessage) -> str:
     try:
         content: Any = typestore().deserialize_cdr(message.data, STRING)
         return str(content.data)
-    except _DAMAGE as error:
+    except DAMAGE as error:
         raise ValueError(f'{message.topic}: {error}') from None
-
-
-def odometry(content: Any) -> StateValue:
-    """Return attitude (pose) and body rate (twist, child frame)."""
-    return StateValue(rotation(content.pose.pose.orientation),
-                      vector(content.twist.twist.angular))
-
-
-def imu(content: Any) -> StateValue:
-    """Return what an IMU gives: -1 in front of a covariance means "not this" (REP-145)."""
-    attitude = content.orientation_covariance[0] != -1.0
-    rate = content.angular_velocity_covariance[0] != -1.0
-    return StateValue(rotation(content.orientation) if attitude else None,
-                      vector(content.angular_velocity) if rate else None)
-
-
-def pose(content: Any) -> StateValue:
-    """Return the attitude of a pose."""
-    return StateValue(rotation(content.pose.orientation), None)
-
-
-def twist(content: Any) -> StateValue:
-    """Return the body rate of a twist, given in body axes."""
-    return StateValue(None, vector(content.twist.angular))
 
 
 def path(content: Any) -> FloatArray:
@@ -124,9 +102,13 @@ def path(content: Any) -> FloatArray:
 
 def rotation(quaternion: Any) -> FloatArray:
     """Return the rotation matrix of a quaternion message; raises ValueError for none."""
-    values = np.array([quaternion.w, quaternion.x, quaternion.y, quaternion.z], dtype=float)
+    return _rotation(quaternion.x, quaternion.y, quaternion.z, quaternion.w)
+
+
+def _rotation(x: float, y: float, z: float, w: float) -> FloatArray:
+    """Return the rotation matrix of a quaternion; raises Unusable for none."""
+    values = np.array([w, x, y, z], dtype=float)
     if not abs(float(np.linalg.norm(values)) - 1.0) < 1e-2:
-        x, y, z, w = (quaternion.x, quaternion.y, quaternion.z, quaternion.w)
         raise Unusable(f'the quaternion ({x:g}, {y:g}, {z:g}, {w:g}) is not of unit length')
     return so3.rotation_from_quaternion(values)
 
@@ -136,13 +118,34 @@ def vector(content: Any) -> FloatArray:
     return np.array([content.x, content.y, content.z], dtype=float)
 
 
+def _state_reader(kind: str) -> Callable[[Any], StateValue]:
+    """Return what reads the states of a type as the shipped descriptions say."""
+    parts = [(part, part is state.attitude) for state in map(state_description, _STANDARD)
+             for part in (state.attitude, state.rate) if part.message_type == kind]
+
+    def read(content: Any) -> StateValue:
+        R_NB = omega_BN_B = None
+        for part, is_attitude in parts:
+            found = read_part(part, content, 0)
+            if found.there and is_attitude:
+                x, y, z, w = found.values
+                R_NB = _rotation(x, y, z, w)
+            elif found.there:
+                omega_BN_B = np.array(found.values)
+        return StateValue(R_NB, omega_BN_B)
+
+    return read
+
+
+#: Shipped descriptions whose types need no further definition.
+_STANDARD = ('nav', 'imu', 'pose_twist')
 #: What gives a state, by type.
-STATE_READERS: dict[str, Callable[[Any], StateValue]] = {
-    ODOMETRY: odometry, IMU: imu, POSE: pose, TWIST: twist}
+STATE_READERS = {kind: _state_reader(kind) for kind in (ODOMETRY, IMU, POSE, TWIST)}
 
 
 def odometry_cdr(
-    stamp_ns: int, xyzw: Sequence[float], omega_BN_B: FloatArray, frames: tuple[str, str],
+    stamp_ns: int, xyzw: Sequence[float], omega_BN_B: FloatArray | Sequence[float],
+    frames: tuple[str, str],
 ) -> bytes:
     """Return an odometry message of a body that turns in place, serialized."""
     types, zeros = typestore().types, np.zeros(36)
@@ -164,6 +167,15 @@ def attitude_cdr(stamp_ns: int, xyzw: Sequence[float], frame_id: str) -> bytes:
     return bytes(typestore().serialize_cdr(types[ATTITUDE](
         _header(stamp_ns, frame_id), types['geometry_msgs/msg/Quaternion'](*map(float, xyzw))),
         ATTITUDE))
+
+
+def torque_cdr(stamp_ns: int, torque_B_n_m: Sequence[float], frame_id: str) -> bytes:
+    """Return a body torque, serialized."""
+    types = typestore().types
+    none = types['geometry_msgs/msg/Vector3'](0.0, 0.0, 0.0)
+    torque = types['geometry_msgs/msg/Vector3'](*map(float, torque_B_n_m))
+    return bytes(typestore().serialize_cdr(types[WRENCH](
+        _header(stamp_ns, frame_id), types['geometry_msgs/msg/Wrench'](none, torque)), WRENCH))
 
 
 def _header(stamp_ns: int, frame_id: str) -> Any:

@@ -8,6 +8,7 @@ import json
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -32,6 +33,7 @@ from manifold_mpc_ros.lab.recording.bags.series import (
     StateSeries,
     TickSeries,
 )
+from manifold_mpc_ros.lab.recording.bags.translate import StackDescriptions, translated
 from manifold_mpc_ros.lab.recording.scenarios.scenario import Scenario
 from manifold_mpc_ros.mpc.target import error_angle
 
@@ -57,6 +59,7 @@ class TopicNames:
     direction_setpoint: str = '/direction_setpoint'
     diagnostics: str = '/diagnostics'
     prediction: str = '/attitude_controller/prediction'
+    stack: StackDescriptions | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +147,10 @@ def read_run(
     contents = read_bag(path)
     warnings, notes = list(contents.warnings), list(contents.notes)
     description = _description(contents, warnings)
-    names = _with_torque(topics or _noted(description), contents, notes)
+    names = topics or _noted(description)
+    if names.stack is not None:
+        contents = translated(contents, names.stack, warnings)
+    names = _with_torque(names, contents, notes)
     inside = _scenario(contents, description, warnings)
     lockstep = description.controller_parameters.get('lockstep') is True if inside is None \
         else inside.lockstep
@@ -220,9 +226,10 @@ def _description(contents: BagContents, warnings: list[str]) -> RunDescription:
 
 def _noted(description: RunDescription) -> TopicNames:
     """Return the topics that the recorder noted, the usual ones where it noted none."""
-    known = {field.name for field in fields(TopicNames)}
-    return TopicNames(**{role: str(topic) for role, topic in description.topics.items()
-                         if role in known})
+    known = {field.name for field in fields(TopicNames)} - {'stack'}
+    roles: dict[str, Any] = {role: str(topic) for role, topic in description.topics.items()
+                             if role in known}
+    return TopicNames(**roles)
 
 
 def _scenario(
