@@ -5,8 +5,7 @@
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help setup test lint types pytest test-processors test-properties \
-	coverage demo figures golden policies bench docs clean
+.PHONY: help setup test lint types pytest test-processors test-properties coverage demo figures golden policies bench docs clean
 
 # The first that runs; the ROS wheels are tested with 3.11. Override with PYTHON=...
 PYTHON ?= $(firstword $(foreach p,python3.11 python3,$(shell $(p) -c '' 2> /dev/null && echo $(p))))

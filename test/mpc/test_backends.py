@@ -23,7 +23,7 @@ from manifold_mpc_ros.terminal.problem_of import terminal_design
 
 Make = Callable[..., AttitudeMpc]
 
-COMPILER = shutil.which(os.environ.get('CC', 'cc'))
+COMPILER = shutil.which(os.environ.get('CC', 'cc').split()[0])
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason='there is no C compiler')
 # The smallest structure, for tests that compile.
 SMALL: dict[str, Any] = {**REFERENCE, 'horizon': 1}
