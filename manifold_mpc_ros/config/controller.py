@@ -47,6 +47,7 @@ class ControllerConfig:
     state_timeout_ticks: int
     decrease_tolerance: float
     attitude_noise_rad: float
+    largest_steady_error_rad: float
     scheduler_priority: int
     lock_memory: bool
     lockstep: bool

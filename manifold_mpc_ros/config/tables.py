@@ -182,6 +182,10 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
         'error of a measured attitude, and of the rate in one step, that is no reason to warn',
         unit='rad', low=0.0, high=3.0),
     ParameterSpec(
+        'monitor.largest_steady_error_rad', 'float', 0.005,
+        'attitude error that may stay for two horizons without a warning', unit='rad', low=0.0,
+        high=4.0),
+    ParameterSpec(
         'realtime.scheduler_priority', 'int', 0,
         'SCHED_FIFO priority of the process where the system permits it; 0: the normal scheduler',
         low=0, high=98, read_only=True),

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from manifold_mpc_ros.config.checks import FloatArray
@@ -46,6 +47,7 @@ class Law:
 
     A torque begins to act ``actuation_delay_s`` after the tick that it is sent at; ``observer``
     estimates by how much that is wrong, and the disturbance torque.
+    An attitude error that stays above ``largest_steady_error_rad`` is worth a warning.
     ``motion``: within what attitude and rate have to tell of one motion; None: not compared.
     """
 
@@ -57,3 +59,4 @@ class Law:
     actuation_delay_s: float = 0.0
     motion: MotionBounds | None = None
     observer: ResponseObserver | None = None
+    largest_steady_error_rad: float = math.inf

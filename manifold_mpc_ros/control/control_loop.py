@@ -29,6 +29,7 @@ from manifold_mpc_ros.control.modes import Decision, Facts, Mode, ModeLogic, Sol
 from manifold_mpc_ros.control.output_gate import OutputGate
 from manifold_mpc_ros.control.response.anticipation import Anticipation
 from manifold_mpc_ros.control.response.observer import ResponseObserver
+from manifold_mpc_ros.control.response.steady_error import SteadyError
 from manifold_mpc_ros.control.solver_thread import SolveRequest, SolveResult
 from manifold_mpc_ros.control.tick_time import TickTime
 from manifold_mpc_ros.control.torque_actuator import TorqueActuator
@@ -102,6 +103,7 @@ class ControlLoop:
     def _take(self, law: Law) -> None:
         """Plan with this law from now on."""
         self._law = law
+        self.steady_error = SteadyError(law.config, law.largest_steady_error_rad)
         self._fallback = FallbackLaw(law.config)
         self.logic.consistency.bounds = law.motion
         self._cold = True
@@ -171,6 +173,7 @@ class ControlLoop:
             decision.reason, _SOURCES.get(decision.mode, 'zero'), solution)
         self._mode = decision.mode
         self._ahead.send(time_ns, decision.mode, command.actuation.realised_B_n_m)
+        self.steady_error.see(sample, self._R_ND, reduced=decision.mode in _SOURCES)
         judged = self._judged(command, at)
         self.logic.succeed()
         return judged
@@ -276,7 +279,8 @@ class ControlLoop:
         self._void(why)
 
     def _void(self, why: str) -> None:
-        """End the bound that the last plan put on the next value."""
+        """End the bound that the last plan put on the next value, and watch the error anew."""
+        self.steady_error.forget()
         if self._law.monitor is not None:
             self._law.monitor.suspend(why)
 

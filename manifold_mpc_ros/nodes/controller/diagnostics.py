@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import math
+
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from manifold_mpc_ros.config.checks import FloatArray
@@ -12,6 +14,7 @@ from manifold_mpc_ros.control.control_loop import ControlLoop
 from manifold_mpc_ros.control.decrease_record import Decrease
 from manifold_mpc_ros.control.modes import Mode
 from manifold_mpc_ros.control.response.observer import ResponseObserver
+from manifold_mpc_ros.control.response.steady_error import SteadyError
 from manifold_mpc_ros.nodes.managed_node import Status
 
 _LEVELS = {
@@ -48,7 +51,18 @@ def status_of(command: Command | None, loop: ControlLoop, waiting: str) -> Statu
         _add_decrease(status, command)
     if loop.observer is not None:
         _add_response(status, loop.observer)
+    if loop.sample is not None:
+        _add_error(status, loop.steady_error)
     return status
+
+
+def _add_error(status: Status, error: SteadyError) -> None:
+    """Add to a status what is left to turn and the rate, and the warning if the error stays."""
+    status.values.update(attitude_error_deg=math.degrees(error.attitude_rad),
+                         rate_error_rad_s=error.rate_rad_s)
+    if (stays_rad := error.stays_rad) is not None:
+        status.level = max(status.level, DiagnosticStatus.WARN)
+        status.message += f'; the attitude error stays at {math.degrees(stays_rad):.3g} deg'
 
 
 def _add_response(status: Status, observer: ResponseObserver) -> None:

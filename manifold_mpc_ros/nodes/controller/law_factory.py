@@ -47,7 +47,7 @@ def law_with(
         attitude_noise_rad=config.attitude_noise_rad)
     return Law(config.mpc, runner_for(solver, config, prepare), config.state_timeout_s, monitor,
                solver.backend, config.actuation_delay_s, MotionBounds.from_config(config),
-               observer_for(config))
+               observer_for(config), config.largest_steady_error_rad)
 
 
 def observer_for(config: ControllerConfig) -> ResponseObserver | None:

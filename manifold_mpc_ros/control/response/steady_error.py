@@ -1,0 +1,55 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""An attitude error that stays: told from one that is being turned away."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.control.input_gate import StateSample
+from manifold_mpc_ros.mpc.target import error_angle
+
+#: A mean error that falls by less than this part in a horizon stays.
+LEAST_FALL = 0.05
+
+
+class SteadyError:
+    """Watches the errors of attitude (or pointing) and rate; the first over two horizons.
+
+    ``attitude_rad`` and ``rate_rad_s`` are of the last tick, NaN before the first. An error of at
+    most ``largest_rad`` may stay.
+    """
+
+    def __init__(self, config: AttitudeMpcConfig, largest_rad: float) -> None:
+        """Start with no tick."""
+        self._config, self._largest_rad = config, largest_rad
+        self.attitude_rad = self.rate_rad_s = float('nan')
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin anew: something else is aimed at, or no torque reduces the error."""
+        self._errors: list[float] = []
+
+    def see(self, sample: StateSample | None, R_ND: FloatArray | None, *, reduced: bool) -> None:
+        """Take the state of a tick; ``reduced``: its torque is to reduce the error."""
+        if sample is None or R_ND is None:
+            return
+        config, omega_BN_B = self._config, sample.omega_BN_B
+        if config.target == 'pointing':  # roll is free
+            omega_BN_B = np.cross(config.pointing_axis_B, omega_BN_B)
+        self.attitude_rad = float(error_angle(config, R_ND.T @ sample.R_NB))
+        self.rate_rad_s = float(np.linalg.norm(omega_BN_B))
+        self._errors = [*self._errors[1 - 2 * config.horizon:], self.attitude_rad]
+        if not reduced:
+            self.forget()
+
+    @property
+    def stays_rad(self) -> float | None:
+        """The mean attitude error of the last horizon where it is too large and stays."""
+        errors = self._errors
+        if len(errors) < 2 * self._config.horizon or min(errors) <= self._largest_rad:
+            return None
+        earlier, later = np.reshape(errors, (2, -1)).mean(axis=1)
+        return float(later) if abs(later - earlier) <= LEAST_FALL * earlier else None
