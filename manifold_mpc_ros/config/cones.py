@@ -140,6 +140,13 @@ def cones_from(values: Mapping[str, Any]) -> tuple[Cone, ...]:
         for name in cone_names(values))
 
 
+def cone_topics(values: Mapping[str, Any]) -> dict[str, tuple[str, float]]:
+    """Return topic and timeout [s] of the cones whose directions a topic brings."""
+    given = {name: (values[f'cones.{name}.direction_topic'],
+                    values[f'cones.{name}.direction_timeout_s']) for name in cone_names(values)}
+    return {name: one for name, one in given.items() if one[0] != 'none'}
+
+
 def check_target(given: Sequence[Cone], key: str, target: str) -> None:
     """Refuse the identity as a target (as the value ``target`` of a key says) that cones forbid.
 

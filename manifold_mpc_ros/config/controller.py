@@ -5,11 +5,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from manifold_mpc_ros.config.cones import check_target
+from manifold_mpc_ros.config.cones import check_target, cone_topics
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.description import (
     command_description,
@@ -52,6 +52,7 @@ class ControllerConfig:
     lock_memory: bool
     lockstep: bool
     autostart: bool
+    cone_topics: Mapping[str, tuple[str, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check what the fields together have to satisfy."""
@@ -78,13 +79,13 @@ class ControllerConfig:
     def from_parameters(cls, values: Mapping[str, Value]) -> ControllerConfig:
         """Build from the node's checked parameters; raises ConfigurationError."""
         chosen: dict[str, Any] = by_field(
-            CONTROLLER_PARAMETERS, values, (field.name for field in fields(cls)))
+            CONTROLLER_PARAMETERS, values, (entry.name for entry in fields(cls)))
         state_description(chosen['state_source'])
         setpoint_description(chosen['setpoint_source'])
         mpc = AttitudeMpcConfig.from_parameters(values)
         if chosen['initial_setpoint'] == 'identity' and mpc.target == 'attitude':
             check_target(mpc.kept_cones, 'initial_setpoint', 'identity')
-        return cls(mpc=mpc, **chosen)
+        return cls(mpc=mpc, cone_topics=cone_topics(values), **chosen)
 
     @property
     def command_sinks(self) -> tuple[str, ...]:

@@ -75,8 +75,16 @@ CONE_PARAMETERS = (
         choices=('keep_out', 'keep_in')),
     ParameterSpec(
         'direction_N', 'floats', [1.0, 0.0, 0.0],
-        'axis of the cone in inertial axes', unit='1',
+        'axis of the cone in inertial axes; with a topic, until its first message', unit='1',
         lengths=(3,), required=True),
+    ParameterSpec(
+        'direction_topic', 'str', 'none',
+        'topic that brings the direction, geometry_msgs/Vector3Stamped (none: it is fixed)',
+        read_only=True),
+    ParameterSpec(
+        'direction_timeout_s', 'float', 60.0,
+        'age above which a direction of the topic is stale: the last one holds, with a warning',
+        unit='s', low=0.0, high=1e9),
 )
 
 CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (

@@ -7,7 +7,7 @@ The loop gathers the facts, `ModeLogic` decides, and what the mode stands for is
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -56,7 +56,8 @@ class ControlLoop:
     make_actuator
         What makes the actuator of a configuration.
 
-    ``sample`` is the latest state, None before the first.
+    ``sample`` is the latest state, None before the first; ``directions_N`` those of cones that
+    have come, by name.
     """
 
     def __init__(
@@ -65,6 +66,7 @@ class ControlLoop:
     ) -> None:
         """Start without a state, at the initial setpoint."""
         self._hold = initial_setpoint == 'hold'
+        self.directions_N: Mapping[str, FloatArray] = {}
         self._make_actuator = make_actuator
         self.gate = gate
         self.logic = ModeLogic(_ns(law.config.step_s), _ns(law.timeout_s))
@@ -209,7 +211,7 @@ class ControlLoop:
         assert self._R_ND is not None
         result = self._law.solver.solve(SolveRequest(
             time_ns, R_NB, omega_BN_B, self._R_ND, self._cold, self._epoch,
-            self._ahead.disturbance_B_n_m))
+            self._ahead.disturbance_B_n_m, self.directions_N))
         if result is None:
             return Facts(age_ns, SolveOutcome.NONE, detail='the solver is late'), None
         offer, solution = self._offer(result), result.solution

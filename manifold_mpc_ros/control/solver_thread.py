@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import queue
 import threading
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from manifold_mpc_ros.config.checks import FloatArray
@@ -24,7 +24,7 @@ class SolveRequest:
 
     ``cold`` asks to forget the warm start. ``epoch`` tells requests apart that were made before
     everything was forgotten. ``disturbance_B_n_m`` (3,) is the torque that acts unasked [N m],
-    None where nobody looks for one.
+    None where nobody looks for one. ``directions_N`` stand in for those of cones, by name.
     """
 
     time_ns: int
@@ -34,6 +34,7 @@ class SolveRequest:
     cold: bool
     epoch: int = 0
     disturbance_B_n_m: FloatArray | None = None
+    directions_N: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,9 +80,10 @@ def solve_with(solver: Solver, max_solve_time_s: float | None = None) -> Solve:
     def solve(request: SolveRequest) -> AttitudeMpcSolution:
         if request.cold:
             solver.reset()
+        more = {'directions_N': request.directions_N} if request.directions_N else {}
         return solver.solve(request.R_NB, request.omega_BN_B, request.R_ND,
                             disturbance_B_n_m=request.disturbance_B_n_m,
-                            max_solve_time_s=max_solve_time_s)
+                            max_solve_time_s=max_solve_time_s, **more)
 
     return solve
 

@@ -31,6 +31,7 @@ from manifold_mpc_ros.mpc.cache import cache_directory
 from manifold_mpc_ros.mpc.target import attitude_towards
 from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.command_output import CommandOutput
+from manifold_mpc_ros.nodes.controller.cone_inputs import ConeInputs
 from manifold_mpc_ros.nodes.controller.diagnostics import status_of
 from manifold_mpc_ros.nodes.controller.insight import Insight
 from manifold_mpc_ros.nodes.controller.law_factory import law_with
@@ -91,6 +92,7 @@ class AttitudeControllerNode(ManagedNode):
         self._insight = Insight(self)
         self._states = StateInput(
             self, config.state_source, STATE_QOS, self._on_state, self._on_duplicate)
+        self._cones = ConeInputs(self, config, self._loop)
         self._setpoint_inputs = [SetpointInput(
             self, setpoint.kind, setpoint.topic,
             lambda message: self._aim('attitude_setpoint', setpoint.admit(message)))]
@@ -102,6 +104,7 @@ class AttitudeControllerNode(ManagedNode):
         """Remove the interfaces; the solver goes with the loop."""
         self._loop.close()
         self._states.close()
+        self._cones.close()
         for setpoints in self._setpoint_inputs:
             setpoints.close()
         self._output.close()
@@ -153,6 +156,7 @@ class AttitudeControllerNode(ManagedNode):
         """Say the mode, where the torque comes from, how the solver and the ticks do."""
         status = status_of(self._command, self._loop, self._waiting())
         self._output.name_others(status)
+        self._cones.add_to(status)
         status.values.update(
             ticks=self._ticks, setpoints=self._setpoints, backend=self._law.backend,
             **self._changes.values(),
