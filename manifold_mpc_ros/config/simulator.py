@@ -20,6 +20,7 @@ from manifold_mpc_ros.config.parameter import (
     resolve_parameters,
 )
 from manifold_mpc_ros.config.tables import SIMULATOR_NAME, SIMULATOR_PARAMETERS
+from manifold_mpc_ros.config.wheel_motors import WheelMotors
 from manifold_mpc_ros.config.yaml_file import read_parameter_file
 from manifold_mpc_ros.errors import ConfigurationError
 
@@ -35,7 +36,9 @@ class SimulatorConfig:
     inertial) as x, y, z, w, stored with unit norm. ``max_torque_n_m`` None or inf means no limit.
     ``state_period_s``, ``control_period_s`` and ``actuation_delay_s`` are multiples of ``step_s``;
     a command counts as zero after ``command_timeout_periods`` control periods, 0.15 s at the
-    least. The parameters of ``config/simulator.yaml`` describe each field with its unit and range.
+    least. With ``wheel_motors`` a command is one motor torque a wheel, and ``max_torque_n_m``
+    limits nothing. The parameters of ``config/simulator.yaml`` describe each field with its unit
+    and range.
 
     Raises
     ------
@@ -66,6 +69,7 @@ class SimulatorConfig:
     inertial_frame_id: str = 'inertial'
     body_frame_id: str = 'base_link'
     autostart: bool = True
+    wheel_motors: WheelMotors | None = None
 
     def __post_init__(self) -> None:
         """Check every field, then what the fields together have to satisfy."""
@@ -101,7 +105,7 @@ class SimulatorConfig:
         chosen: dict[str, Any] = by_field(
             SIMULATOR_PARAMETERS, values, (field.name for field in fields(cls)))
         try:
-            return cls(**chosen)
+            return cls(wheel_motors=WheelMotors.from_parameters(values), **chosen)
         except ConfigurationError as error:
             raise named_as_parameter(SIMULATOR_PARAMETERS, error) from None
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 from manifold_mpc_ros.config.interfaces import ACTUATORS
 from manifold_mpc_ros.config.parameter import ParameterSpec
+from manifold_mpc_ros.config.wheel_motors import MOTOR_PARAMETERS
 from manifold_mpc_ros.config.wheel_parameters import NULL_SPACE, WHEEL_PARAMETERS
 
 CONTROLLER_NAME = 'attitude_controller'
@@ -37,6 +38,9 @@ _FULL_SCALE = ParameterSpec(
     'full_scale_torque_n_m', 'floats', [math.inf],
     'torque that is 1 in the messages of a normalised command, about each body axis of the stack',
     unit='N m', lengths=(1, 3), infinite=True, read_only=True)
+_ACTUATOR = ParameterSpec(
+    'actuators.kind', 'str', 'torque', 'what turns the body', choices=tuple(ACTUATORS),
+    read_only=True, name_in_config='actuator')
 _INERTIAL_FRAME = ParameterSpec(
     'inertial_frame_id', 'str', 'inertial', 'frame that attitudes are measured against',
     read_only=True)
@@ -145,9 +149,7 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
     _SETPOINT_SOURCE,
     _COMMAND_SINK,
     _FULL_SCALE,
-    ParameterSpec(
-        'actuators.kind', 'str', 'torque', 'what turns the body', choices=tuple(ACTUATORS),
-        read_only=True, name_in_config='actuator'),
+    _ACTUATOR,
     *WHEEL_PARAMETERS,
     NULL_SPACE,
     ParameterSpec(
@@ -209,6 +211,8 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
 SIMULATOR_PARAMETERS: tuple[ParameterSpec, ...] = (
     _INERTIA,
     _MAX_TORQUE,
+    _ACTUATOR,
+    *WHEEL_PARAMETERS,
     ParameterSpec(
         'plant.step_s', 'float', 0.025, 'integration step of the plant', unit='s', low=0.0,
         high=3600.0, read_only=True),
@@ -227,6 +231,7 @@ SIMULATOR_PARAMETERS: tuple[ParameterSpec, ...] = (
         'plant.actuation_delay_s', 'float', 0.0,
         'time from a command to its torque, a multiple of the plant step', unit='s', low=0.0,
         high=60.0),
+    *MOTOR_PARAMETERS,
     ParameterSpec(
         'sensor.attitude_noise_std_rad', 'float', 0.0,
         'standard deviation of the attitude noise about each body axis', unit='rad', low=0.0,

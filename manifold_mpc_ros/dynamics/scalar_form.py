@@ -78,20 +78,21 @@ def cayley_residual(c: Vector, m: Vector, J: Matrix) -> Vector:
 
 
 def newton_step(c: Vector, m: Vector, J: Matrix) -> Vector:
-    """Return the Newton step of `cayley_residual` at c.
+    """Return the Newton step of `cayley_residual` at c; at c = 0 it is (2 J - m^x)^-1 m."""
+    return solve(minus_jacobian(c, m, J), cayley_residual(c, m, J))
 
-    Minus the Jacobian is 2 J - m^x - (c . m) I - c m^T, which at c = 0 gives (2 J - m^x)^-1 m.
-    """
+
+def minus_jacobian(c: Vector, m: Vector, J: Matrix) -> Matrix:
+    """Return minus the Jacobian of `cayley_residual`, 2 J - m^x - (c . m) I - c m^T."""
     c0, c1, c2 = c
     m0, m1, m2 = m
     (J00, J01, J02), (J10, J11, J12), (J20, J21, J22) = J
     along = c0 * m0 + c1 * m1 + c2 * m2
-    minus_jacobian = (
+    return (
         (2.0 * J00 - along - c0 * m0, 2.0 * J01 + m2 - c0 * m1, 2.0 * J02 - m1 - c0 * m2),
         (2.0 * J10 - m2 - c1 * m0, 2.0 * J11 - along - c1 * m1, 2.0 * J12 + m0 - c1 * m2),
         (2.0 * J20 + m1 - c2 * m0, 2.0 * J21 - m0 - c2 * m1, 2.0 * J22 - along - c2 * m2),
     )
-    return solve(minus_jacobian, cayley_residual(c, m, J))
 
 
 def momentum_from_cayley(c: Vector, J: Matrix) -> Vector:

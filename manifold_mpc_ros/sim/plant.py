@@ -64,6 +64,9 @@ class Plant:
 
     """
 
+    #: How many numbers a command has.
+    inputs = 3
+
     def __init__(
         self, config: SimulatorConfig, *, disturbance_frame: DisturbanceFrame = 'body',
     ) -> None:
@@ -84,8 +87,8 @@ class Plant:
         x, y, z, w = self.config.initial_attitude_xyzw
         self._R_NB = so3.rotation_from_quaternion([w, x, y, z])
         self._omega_BN_B = np.array(self.config.initial_rate_rad_s, dtype=np.float64)
-        self._torque_B = np.zeros(3)
-        self._under_way = deque([np.zeros(3)] * self.config.delay_steps)
+        self._torque_B = np.zeros(self.inputs)
+        self._under_way = deque([np.zeros(self.inputs)] * self.config.delay_steps)
         self._steps = 0
         self.counters = PlantCounters()
         # One stream each: switching one noise off leaves the other as it was.
@@ -156,9 +159,13 @@ class Plant:
 
     def _actuate(self, tau_B: Array) -> Array:
         """Return the torque that the actuators give for a command."""
-        if tau_B.shape != (3,) or not all(map(math.isfinite, tau_B.tolist())):
+        if tau_B.shape != (self.inputs,) or not all(map(math.isfinite, tau_B.tolist())):
             self.counters.refused += 1
-            return np.zeros(3)
+            return np.zeros(self.inputs)
+        return self._limited(tau_B)
+
+    def _limited(self, tau_B: Array) -> Array:
+        """Return a torque within the limits, others counted."""
         limit = self.config.max_torque_n_m
         if limit is None or all(map(operator.le, map(abs, tau_B.tolist()), limit.tolist())):
             return tau_B.copy()
@@ -171,9 +178,13 @@ class Plant:
         No substep of h/n starts with more momentum than |Pi| + h |tau| (n-1)/n, and its own
         half step adds h/(2n) |tau|: h/n (|Pi| + h |tau|) bounds what the guard looks at.
         """
-        step_s = self.config.step_s
         momentum = math.hypot(*scalar_form.apply(self._inertia_rows, self._omega_BN_B.tolist()))
-        torque = math.hypot(*self._torque_B.tolist()) + self._disturbance_n_m
+        return self._substeps(momentum, math.hypot(*self._torque_B.tolist())
+                              + self._disturbance_n_m)
+
+    def _substeps(self, momentum: float, torque: float) -> int:
+        """Return the number of substeps for momenta [N m s] and torques [N m] of these sizes."""
+        step_s = self.config.step_s
         needed = step_s * (momentum + step_s * torque) / (GUARD_FRACTION * self._smallest_inertia)
         if not needed <= MAX_SUBSTEPS:
             return 0

@@ -10,6 +10,7 @@ from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.control_law import SimulatorConfig
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample
 from manifold_mpc_ros.sim.plant import Plant
+from manifold_mpc_ros.sim.wheel_plant import WheelPlant
 
 #: Age of the command in force, in control periods, above which the next one is overdue.
 OVERDUE_PERIODS = 1.5
@@ -30,7 +31,8 @@ class PlantLoop:
 
     def __init__(self, config: SimulatorConfig, epoch_ns: int) -> None:
         """Build the plant in its initial state, without a command."""
-        self._plant = Plant(config)
+        self._plant = (Plant(config) if config.wheel_motors is None
+                       else WheelPlant(config, config.wheel_motors))
         self.step_ns = round(config.step_s * NANOSECONDS)
         self._life_steps = round(config.command_life_s / config.step_s)
         self._overdue_steps = round(OVERDUE_PERIODS * config.steps_per_control)
@@ -81,7 +83,7 @@ class PlantLoop:
 
     def release(self) -> None:
         """Put zero torque in force, which has no end of life."""
-        self._torque_B = np.zeros(3)
+        self._torque_B = np.zeros(self._plant.inputs)
         self._steps_left = -1
 
     def advance(self, steps: int) -> None:
@@ -98,6 +100,11 @@ class PlantLoop:
         """Return what the sensors say now; each call draws its own noise."""
         R_NB, omega_BN_B = self._plant.measure()
         return StateSample(self.stamp_ns, R_NB, omega_BN_B)
+
+    @property
+    def wheel_speed_rad_s(self) -> FloatArray | None:
+        """Speeds of the wheels about their axes, in the body (n,) [rad/s], None without wheels."""
+        return self._plant.speed_rad_s if isinstance(self._plant, WheelPlant) else None
 
     def counters(self) -> dict[str, int]:
         """Return what has happened to the plant since its last reset."""
