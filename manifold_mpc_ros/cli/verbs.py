@@ -32,6 +32,10 @@ VERBS = {
         'domain.verb_design',
         'Print the terminal set, how it was checked and the smallest horizon of a controller.',
         ('rich',)),
+    'tune': Verb(
+        'tune.verb',
+        'From inertia and limits to a controller file, checked by closed loops.',
+        ('rich',)),
     'certify': Verb(
         'certification.verb_certify',
         'Prove the conditions of the terminal set on all of it and write a certificate.',

@@ -66,7 +66,7 @@ def test_a_missing_package_is_named_with_its_extra(
     command: Command, monkeypatch: pytest.MonkeyPatch, verb: str, package: str,
 ) -> None:
     monkeypatch.setitem(sys.modules, package, None)
-    bag = ['no_such_bag'] if verb in ('replay', 'check', 'report') else []
+    bag = ['no_such_file'] if verb in ('replay', 'check', 'report', 'tune') else []
     assert_one_message(
         *command(verb, *bag), f'{verb} needs {package}', "pip install 'manifold_mpc_ros[lab]'")
 

@@ -1,0 +1,201 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The verb ``tune``: from inertia and limits to a controller file, checked by closed loops."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import yaml
+
+from manifold_mpc_ros.cli import arguments as shared
+from manifold_mpc_ros.config.parameter import Value, resolve_parameters
+from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
+from manifold_mpc_ros.config.yaml_file import read_parameter_file
+from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.lab.tune import rule
+from manifold_mpc_ros.lab.tune.rule import Timing, Weights
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from manifold_mpc_ros.lab.tune.trial import Outcome, Slew
+    from manifold_mpc_ros.mpc.model_loop import LoopingMpc
+
+EXAMPLES = """\
+  manifold-mpc tune mine.yaml -o mine_controller.yaml
+      mine.yaml is a parameter file of the controller that has spacecraft and limits; the file
+      written is complete, and says at its head what was decided and why
+  manifold-mpc tune mine.yaml -o mine_controller.yaml --step 0.2 --slew 0 0 90
+      a given control period, and the slew that is to be flown (a rotation vector in degrees)
+  manifold-mpc tune mine.yaml -o mine_controller.yaml --gentler
+      less torque, later
+"""
+# Angles that full torque is worth, as multiples of the accuracy, and dampings that are tried.
+FASTER, NORMAL, GENTLER = 2.0, 5.0, 100.0
+DAMPINGS = (0.015, 0.02, 0.03, 0.05, 0.08)
+NEEDED = ('spacecraft.inertia_kg_m2', 'limits.max_torque_n_m', 'limits.max_rate_rad_s')
+# Part of the period that 99 % of the solves may take; bodies and disturbances of the margins.
+SOLVE_PART = 0.5
+MARGINS = (('inertia 10 % larger', 1.1, 0.0), ('inertia 10 % smaller', 0.9, 0.0),
+           ('2 % of the torque as disturbance', 1.0, 0.02))
+
+
+class Trial(NamedTuple):
+    """One choice of weights, the parameters it gives, and how it flew."""
+
+    weights: Weights
+    chosen: dict[str, Value]
+    mpc: LoopingMpc
+    outcomes: list[Outcome]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this verb."""
+    parser.add_argument('spacecraft', type=Path, metavar='FILE',
+                        help='parameter file of the controller, at least spacecraft and limits')
+    parser.add_argument('-o', '--output', type=Path, default=Path('tuned_controller.yaml'),
+                        metavar='FILE', help='the controller file to write (default: %(default)s)')
+    parser.add_argument('--step', type=shared.positive_number, metavar='S',
+                        help='control period (default: a sixtieth of a half turn)')
+    parser.add_argument('--accuracy', type=shared.positive_number, default=0.1, metavar='DEG',
+                        help='settled below this error (default: %(default)s)')
+    parser.add_argument('--slew', type=shared.number, nargs=3, metavar=('X', 'Y', 'Z'),
+                        help='the slew to be flown, rotation vector in degrees (default: quarter '
+                             'and half turns about five axes)')
+    pace = parser.add_mutually_exclusive_group()
+    pace.add_argument('--faster', dest='effort', action='store_const', const=FASTER,
+                      help='full torque for smaller errors')
+    pace.add_argument('--gentler', dest='effort', action='store_const', const=GENTLER,
+                      help='less torque, slower slews')
+    parser.set_defaults(effort=NORMAL)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Tune, print, write; 0 when all loops settled within their limits and solves fit."""
+    from manifold_mpc_ros.cli import console as report
+    from manifold_mpc_ros.lab.tune import trial
+    console = report.make_console()
+    given = read_parameter_file(arguments.spacecraft, CONTROLLER_NAME)
+    values = _values(given)
+    accuracy = float(np.radians(arguments.accuracy))
+    slews = (trial.default_slews() if arguments.slew is None
+             else [trial.Slew(np.radians(arguments.slew))])
+    trials = []
+    with console.status('Closing loops') as status:
+        for damping in DAMPINGS:
+            weights = Weights(arguments.effort * accuracy, damping)
+            timing, half_turn = rule.timing_of(values, weights, arguments.step)
+            status.update(f'Closing loops with damping {damping:g}')
+            trials.append(_fly(values, timing, weights, half_turn, slews, accuracy))
+    # Equal within a percent: the better damped one.
+    best = min(trials, key=lambda each: (
+        round(trial.worst_ratio(each.outcomes), 2), -each.weights.damping))
+    hardest = max(best.outcomes, key=lambda outcome: outcome.ratio)
+    times_s = trial.solve_times_s(best.mpc, hardest.slew)
+    rows = _rows(best, hardest, accuracy, times_s)
+    console.print(report.grid_table(
+        'Weights tried', ('damping', 'worst settling / bound', 'median', 'ticks infeasible'),
+        [_candidate_row(each) for each in trials]))
+    console.print(report.result_table('Chosen', rows))
+    _write(arguments.output, given, best.chosen, rows)
+    report.say_written(console, [arguments.output])
+    return _verdict(console, best, hardest, times_s)
+
+
+def _values(given: Mapping[str, Any]) -> dict[str, Value]:
+    """Return a value for every parameter; raises ConfigurationError where one is needed."""
+    for name in NEEDED:
+        if name not in given:
+            raise ConfigurationError(name, 'nothing', 'to be given: tune starts from it')
+    return resolve_parameters(CONTROLLER_PARAMETERS, given, complete=False)
+
+
+def _fly(values: Mapping[str, Value], timing: Timing, weights: Weights, half_turn: float,
+         slews: Sequence[Slew], accuracy: float) -> Trial:
+    """Build one controller and fly every slew."""
+    from manifold_mpc_ros.lab.tune import trial
+    from manifold_mpc_ros.mpc.model_loop import LoopingMpc
+    chosen, config = rule.controller(values, timing, weights, half_turn)
+    mpc = LoopingMpc(config)
+    return Trial(weights, chosen, mpc, trial.fly(mpc, slews, accuracy))
+
+
+def _candidate_row(each: Trial) -> tuple[str, ...]:
+    """Return what a choice of weights did."""
+    ratios = [outcome.ratio for outcome in each.outcomes]
+    return (f'{each.weights.damping:g}', f'{max(ratios):.3f}', f'{np.median(ratios):.3f}',
+            str(sum(outcome.infeasible for outcome in each.outcomes)))
+
+
+def _rows(best: Trial, hardest: Outcome, accuracy: float, times_s: np.ndarray
+          ) -> list[tuple[str, str]]:
+    """Return what was decided, why, and what it does."""
+    from manifold_mpc_ros.lab.tune import trial
+    config, weights = best.mpc.config, best.weights
+    half_turn = rule.half_turn_s(config)
+    margins = []
+    for name, inertia, disturbance in MARGINS:
+        (outcome,) = trial.fly(best.mpc, [hardest.slew], accuracy, inertia_factor=inertia,
+                               disturbance_part=disturbance)
+        margins.append((name, _settled(outcome) + f', {outcome.infeasible} ticks infeasible'))
+    return [
+        ('half turn', f'{half_turn:.4g} s, bang-bang about the slowest axis'),
+        ('step', f'{config.step_s:g} s, {half_turn / config.step_s:.0f} steps a half turn'),
+        ('horizon', f'{config.horizon} steps = {config.horizon * config.step_s:.4g} s, '
+         f'{config.horizon * config.step_s / half_turn:.3g} half turns'),
+        ('torque weight', 'full torque costs what an error of '
+         f'{np.degrees(weights.torque_angle_rad):.3g} deg does'),
+        ('rate weight', f'(damping {weights.damping:g} x half turn)^2'),
+        ('hardest slew', f'{hardest.slew.text}: {_settled(hardest)}, '
+         f'{100 * hardest.peak_torque:.0f} % of the torque'),
+        *margins,
+        ('solve time', f'p99 {1e3 * np.percentile(times_s, 99):.3g} ms, first '
+         f'{1e3 * times_s[0]:.3g} ms, of a period of {1e3 * config.step_s:.4g} ms'),
+    ]
+
+
+def _settled(outcome: Outcome) -> str:
+    """Say when a slew settled."""
+    if not np.isfinite(outcome.settled_s):
+        return f'NOT settled in {2 * outcome.bound_s:.4g} s'
+    return (f'{outcome.settled_s:.4g} s, {outcome.ratio:.3f} of the bang-bang '
+            f'{outcome.bound_s:.4g} s')
+
+
+def _write(path: Path, given: Mapping[str, Any], chosen: Mapping[str, Value],
+           rows: Sequence[tuple[str, str]]) -> None:
+    """Write the parameters as the controller's file, with the reasons as comments."""
+    tree: dict[str, Any] = {}
+    for name, value in {**given, **chosen}.items():
+        *groups, last = name.split('.')
+        branch = tree
+        for group in groups:
+            branch = branch.setdefault(group, {})
+        branch[last] = value
+    head = ['Parameters of the node attitude_controller, by manifold-mpc tune (docs/tuning.md).',
+            *(f'{name}: {text}' for name, text in rows)]
+    body = yaml.safe_dump({f'/**/{CONTROLLER_NAME}': {'ros__parameters': tree}},
+                          sort_keys=False, default_flow_style=None)
+    path.write_text(''.join(f'# {line}\n' for line in head) + body, encoding='utf-8')
+
+
+def _verdict(console: Console, best: Trial, hardest: Outcome, times_s: np.ndarray) -> int:
+    """Say what is not good enough; return 0 when all is."""
+    config = best.mpc.config
+    wrong = []
+    if any(outcome.infeasible for outcome in best.outcomes):
+        wrong.append('ticks without a plan into the terminal set: a longer horizon, --gentler')
+    if any(outcome.broken for outcome in best.outcomes):
+        wrong.append('a rate limit was exceeded')
+    if not np.isfinite(hardest.settled_s):
+        wrong.append('a slew did not settle: a shorter --step, a larger --accuracy')
+    if np.percentile(times_s, 99) > SOLVE_PART * config.step_s:
+        wrong.append('solves take more than half the period: a longer --step')
+    for line in wrong:
+        console.print(f'NOT good enough: {line}')
+    return int(bool(wrong))
