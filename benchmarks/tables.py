@@ -256,6 +256,23 @@ def joblib(data: dict[str, Any]) -> str:
         for name in ('own workers', 'joblib')])
 
 
+def cones(data: dict[str, Any]) -> str:
+    """Return the public slews with cones: ours, others', the bound."""
+    rows = []
+    for row in data['rows']:
+        runs = row['runs']
+        settled = [run['settled_s'] for run in runs]
+        rows.append([
+            row['problem'], str(len(runs)), f'{min(settled):.1f} to {max(settled):.1f}',
+            f'{row["bound_s"]:g}', ', '.join(f'{each:g}' for each in row['others_s']),
+            f'{min(min(run["least_margin_deg"].values()) for run in runs):.2f}',
+            f'{100 * max(run["largest_energy"] for run in runs):.1f}',
+            f'{100 * max(run["largest_motor"] for run in runs):.1f}'])
+    return table(['problem', 'frames', 'settled after [s]', 'time-optimal bound [s]',
+                  'published, others [s]', 'least angle to a cone [deg]',
+                  'largest energy [% of limit]', 'largest motor torque [% of limit]'], rows)
+
+
 TABLES: dict[str, tuple[str, Callable[..., str]]] = {
     'summary': ('bench', summary),
     'survival': (CHAOS, survival),
@@ -270,12 +287,14 @@ TABLES: dict[str, tuple[str, Callable[..., str]]] = {
     'tick-machine': ('tick', machine),
     'instructions': ('instructions', counts),
     'batch': ('batch', loops), 'light': ('light', light), 'fleet': ('fleet', fleet),
+    'cones': ('cones', cones),
     'mcap': ('libraries', mcap), 'joblib': ('libraries', joblib),
 }
 COMMANDS = {'bench': 'make bench', 'tick': 'manifold-mpc bench --tick',
             'instructions': 'manifold-mpc bench --instructions',
             'batch': 'manifold-mpc bench --batch', 'light': 'python benchmarks/light.py',
             'libraries': 'python benchmarks/libraries.py', 'fleet': 'python benchmarks/fleet.py',
+            'cones': 'python benchmarks/cones.py',
             'chaos': 'manifold-mpc chaos'}
 
 
