@@ -4,14 +4,12 @@
 
 N and B are this package's inertial and body axes, W and M those of the other stack: with ROS's
 own choice (REP-103), N is east, north, up where W is a local frame, and B is forward, left, up.
-Quaternions are Hamilton's. What is read of a state that another convention says is the state again
-within 1e-15 (test_conventions.py), and the plain convention leaves every bit.
+Quaternions are Hamilton's. The maps are in control/described/conversions.py.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -52,23 +50,13 @@ def axes_of(key: str, value: object, named: Named) -> Axes | None:
     """
     if isinstance(value, str) and value in named:
         rows = named[value]
-        return None if rows is None else Axes(np.array(rows), _wxyz(np.array(rows)))
+        return None if rows is None else Axes(np.array(rows), wxyz(np.array(rows)))
     valid = f'{" or ".join(named)}, or the 9 numbers of a rotation matrix row by row, to our axes'
     R = checks.array(key, value, valid)
     if R.shape != (9,) or not so3.is_rotation(R.reshape(3, 3), 1e-6):
         raise ConfigurationError(key, value, valid)
-    q_wxyz = _wxyz(R.reshape(3, 3))
+    q_wxyz = wxyz(R.reshape(3, 3))
     return Axes(so3.rotation_from_quaternion(q_wxyz), q_wxyz)
-
-
-def to_ours(axes: Axes | None, vector: Vector) -> Vector:
-    """Map components in the axes of a stack to components in ours: R v."""
-    return vector if axes is None else _vector(axes.R @ vector)
-
-
-def to_theirs(axes: Axes | None, vector: Vector) -> Vector:
-    """Map components in our axes to components in those of a stack: R^T v."""
-    return vector if axes is None else _vector(axes.R.T @ vector)
 
 
 @dataclass(frozen=True)
@@ -89,20 +77,6 @@ class AttitudeConvention:
         """One character for each component."""
         return FORMS[self.form]
 
-    def read(self, values: Sequence[float]) -> Quaternion:
-        """Map the components of a message to x, y, z, w of q_NB = q_NW q_WM q_BM^-1.
-
-        The length of a quaternion is kept. Raises ValueError for a matrix that is no rotation.
-        """
-        q = _READ[self.form](values)
-        if self.direction == 'world_to_body':
-            q = _inverse(q)
-        if self.world is not None:
-            q = _times(self.world.q_wxyz, q)
-        if self.body is not None:
-            q = _times(q, _inverse(self.body.q_wxyz))
-        return (*q[1:], q[0])
-
 
 @dataclass(frozen=True)
 class RateConvention:
@@ -115,62 +89,8 @@ class RateConvention:
 
     names = 'xyz'
 
-    def read(self, values: Vector, quaternion_xyzw: Quaternion) -> Vector:
-        """Map the components of a message to omega_BN_B [rad/s], with the attitude q_NB.
 
-        Raises ValueError for an attitude that is needed and no number.
-        """
-        scale = RATE_UNITS[self.unit]
-        vector = values if scale == 1.0 else _vector(scale * np.array(values))
-        if self.axes == 'body':
-            return to_ours(self.body, vector)
-        x, y, z, w = quaternion_xyzw
-        R_NB = so3.rotation_from_quaternion((w, x, y, z))
-        return _vector(R_NB.T @ to_ours(self.world, vector))
-
-
-def _read_mrp(values: Sequence[float]) -> Quaternion:
-    """Map s to w = (1 - s.s) / (1 + s.s), v = 2 s / (1 + s.s)."""
-    x, y, z = values
-    square = x * x + y * y + z * z
-    twice = 2.0 / (1.0 + square)
-    return ((1.0 - square) / (1.0 + square), twice * x, twice * y, twice * z)
-
-
-def _read_matrix(values: Sequence[float]) -> Quaternion:
-    """Map nine numbers row by row to a quaternion."""
-    R = np.array(values, dtype=np.float64).reshape(3, 3)
-    if np.isfinite(R).all() and not (
-            so3.is_rotation(R, ROTATION_TOLERANCE) and np.linalg.det(R) > 0.0):
-        raise ValueError('the matrix is not a rotation')
-    return _wxyz(R)
-
-
-_READ = {
-    'quaternion_xyzw': lambda values: (values[3], values[0], values[1], values[2]),
-    'quaternion_wxyz': lambda values: (values[0], values[1], values[2], values[3]),
-    'mrp': _read_mrp, 'matrix': _read_matrix}
-
-def _wxyz(R: so3.Array) -> Quaternion:
+def wxyz(R: so3.Array) -> Quaternion:
     """Return the quaternion of a rotation."""
     w, x, y, z = so3.quaternion_from_rotation(R).tolist()
     return (w, x, y, z)
-
-
-def _vector(values: so3.Array) -> Vector:
-    """Return three numbers."""
-    x, y, z = values.tolist()
-    return (x, y, z)
-
-
-def _inverse(q: Quaternion) -> Quaternion:
-    """Return the conjugate of w, x, y, z."""
-    return (q[0], -q[1], -q[2], -q[3])
-
-
-def _times(a: Quaternion, b: Quaternion) -> Quaternion:
-    """Return Hamilton's product a b of w, x, y, z."""
-    aw, ax, ay, az = a
-    bw, bx, by, bz = b
-    return (aw * bw - ax * bx - ay * by - az * bz, aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx, aw * bz + ax * by - ay * bx + az * bw)

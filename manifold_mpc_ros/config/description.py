@@ -18,9 +18,13 @@ from typing import Any
 
 from manifold_mpc_ros.config import checks
 from manifold_mpc_ros.config import conventions as to
-from manifold_mpc_ros.config.field_path import Steps, steps_of
 from manifold_mpc_ros.config.yaml_file import parse_mapping, read_text
 from manifold_mpc_ros.errors import ConfigurationError
+
+#: Attributes and indices that lead to a field of a message.
+Steps = tuple[str | int, ...]
+_PART = r'[A-Za-z]\w*(\[\d+\])*'
+_PATH = re.compile(rf'{_PART}(\.{_PART})*', re.ASCII)
 
 PRESETS = Path(__file__).with_name('presets')
 #: The shipped choice, and what it was called before it had a file.
@@ -133,6 +137,13 @@ def command_description(given: str) -> tuple[CommandMessage, ...]:
         raise document.error('command', listed, 'a list of messages, of which one has a field')
     return tuple(_Section(f'{document.where}.command[{index}]', each, _COMMAND,
                           document.install).command() for index, each in enumerate(listed))
+
+
+def steps_of(key: str, path: object) -> Steps:
+    """Return the steps of a path; raises ConfigurationError naming ``key``."""
+    if not isinstance(path, str) or not _PATH.fullmatch(path):
+        raise ConfigurationError(key, path, 'a path of fields such as pose.orientation or data[2]')
+    return tuple(int(step) if step.isdecimal() else step for step in re.findall(r'\w+', path))
 
 
 def _document(parameter: str, given: str, key: str) -> _Section:

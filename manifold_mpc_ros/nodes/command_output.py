@@ -13,7 +13,7 @@ from rclpy.duration import Duration
 from manifold_mpc_ros.config.description import CommandMessage, command_description
 from manifold_mpc_ros.config.interfaces import message_class
 from manifold_mpc_ros.control.actuator import Actuation
-from manifold_mpc_ros.control.described_command import CommandWriter
+from manifold_mpc_ros.control.described.command import CommandWriter
 from manifold_mpc_ros.nodes.managed_node import ManagedNode, Status
 
 

@@ -12,10 +12,11 @@ from typing import Any
 
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.description import command_description, setpoint_description
-from manifold_mpc_ros.config.field_path import WRONG_FIELD, value_at
 from manifold_mpc_ros.config.interfaces import message_class
-from manifold_mpc_ros.control.described_command import CommandWriter
-from manifold_mpc_ros.control.described_source import check_part, read_part
+from manifold_mpc_ros.control.described.command import CommandWriter
+from manifold_mpc_ros.control.described.conversions import read_attitude
+from manifold_mpc_ros.control.described.fields import WRONG_FIELD, value_at
+from manifold_mpc_ros.control.described.source import check_part, read_part
 from manifold_mpc_ros.control.input_gate import Reason, Refusal, admit_setpoint, admit_torque
 from manifold_mpc_ros.errors import ConfigurationError
 
@@ -34,7 +35,7 @@ class DescribedSetpoint:
         """Return the commanded attitude R_ND (3, 3) of a message, or why it must not be used."""
         try:
             read = read_part(self._part, message, 0)
-            q_ND = self._part.convention.read(read.values)
+            q_ND = read_attitude(self._part.convention, read.values)
         except (IndexError, *WRONG_FIELD) as error:
             return Refusal(Reason.UNREADABLE, str(error))
         return admit_setpoint(read.inertial_frame_id, q_ND, self._inertial_frame_id)

@@ -15,7 +15,7 @@ from nav_msgs.msg import Odometry, Path
 from sensor_msgs.msg import Imu
 
 from manifold_mpc_ros.config.checks import FloatArray
-from manifold_mpc_ros.control.described_source import NOT_PROVIDED
+from manifold_mpc_ros.control.described.source import NOT_PROVIDED
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample
 from manifold_mpc_ros.lie import so3
 

@@ -15,7 +15,7 @@ from rclpy.qos import QoSProfile
 
 from manifold_mpc_ros.config.description import state_description
 from manifold_mpc_ros.config.interfaces import message_class
-from manifold_mpc_ros.control.described_source import DescribedSource, check_part
+from manifold_mpc_ros.control.described.source import DescribedSource, check_part
 from manifold_mpc_ros.control.input_gate import RawState, Refusal
 from manifold_mpc_ros.nodes.managed_node import ManagedNode
 from manifold_mpc_ros.nodes.publisher_watch import PublisherWatch

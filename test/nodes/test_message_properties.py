@@ -20,7 +20,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Imu
 
 from manifold_mpc_ros.config.description import state_description
-from manifold_mpc_ros.control.described_source import DescribedSource
+from manifold_mpc_ros.control.described.source import DescribedSource
 from manifold_mpc_ros.control.input_gate import RawState, Refusal, StateGate, StateSample
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.nodes import messages

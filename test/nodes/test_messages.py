@@ -11,7 +11,7 @@ pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 
 
 from manifold_mpc_ros.config.description import state_description
-from manifold_mpc_ros.control.described_source import DescribedSource
+from manifold_mpc_ros.control.described.source import DescribedSource
 from manifold_mpc_ros.control.input_gate import StateGate, StateSample
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.nodes import messages

@@ -27,9 +27,10 @@ from manifold_mpc_ros.config.description import (
     setpoint_description,
     state_description,
 )
-from manifold_mpc_ros.config.field_path import WRONG_FIELD, value_at
-from manifold_mpc_ros.control.described_command import CommandWriter
-from manifold_mpc_ros.control.described_source import DescribedSource, read_part
+from manifold_mpc_ros.control.described.command import CommandWriter
+from manifold_mpc_ros.control.described.conversions import read_attitude
+from manifold_mpc_ros.control.described.fields import WRONG_FIELD, value_at
+from manifold_mpc_ros.control.described.source import DescribedSource, read_part
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, RawState, Refusal
 from manifold_mpc_ros.errors import BagError
 from manifold_mpc_ros.lab.recording.bags import decode
@@ -118,7 +119,7 @@ class _Translator:
             setpoint = read_part(part, content, received_ns)
             return decode.attitude_cdr(
                 received_ns if part.stamp_unit_ns else setpoint.stamp_ns,
-                part.convention.read(setpoint.values), FRAMES[0])
+                read_attitude(part.convention, setpoint.values), FRAMES[0])
         torque, stamp_ns = self._writer.read(content), self._latest_ns or received_ns
         if part.stamp and not part.stamp_unit_ns:
             time = value_at(content, part.stamp)

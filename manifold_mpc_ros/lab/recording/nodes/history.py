@@ -14,7 +14,7 @@ from nav_msgs.msg import Odometry
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.description import PLAIN, state_description
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME
-from manifold_mpc_ros.control.described_source import DescribedSource
+from manifold_mpc_ros.control.described.source import DescribedSource
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, RawState
 from manifold_mpc_ros.lab.recording.nodes.listener import Listener
 from manifold_mpc_ros.lie import so3

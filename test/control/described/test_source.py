@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 from manifold_mpc_ros.config.description import StateDescription, state_description
-from manifold_mpc_ros.control.described_source import DescribedSource, ForeignClock, check_part
+from manifold_mpc_ros.control.described.source import DescribedSource, ForeignClock, check_part
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, RawState, Reason, Refusal
 from manifold_mpc_ros.errors import ConfigurationError
 

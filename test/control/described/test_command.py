@@ -14,7 +14,7 @@ import yaml
 
 from manifold_mpc_ros.config.description import command_description
 from manifold_mpc_ros.control.actuator import Actuation
-from manifold_mpc_ros.control.described_command import CommandWriter
+from manifold_mpc_ros.control.described.command import CommandWriter
 from manifold_mpc_ros.errors import ConfigurationError
 
 TORQUE = np.array([0.1, -0.2, 0.3])

@@ -7,27 +7,15 @@ A message is any object with the fields as attributes, as rclpy and `rosbags` ma
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.config.description import Steps
 
-Steps = tuple[str | int, ...]
-
-_PART = r'[A-Za-z]\w*(\[\d+\])*'
-_PATH = re.compile(rf'{_PART}(\.{_PART})*', re.ASCII)
 #: What reading or writing a field raises that is not there, or is another kind of value.
 WRONG_FIELD = (AssertionError, AttributeError, OverflowError, TypeError, ValueError)
-
-
-def steps_of(key: str, path: object) -> Steps:
-    """Return the steps of a path; raises ConfigurationError naming ``key``."""
-    if not isinstance(path, str) or not _PATH.fullmatch(path):
-        raise ConfigurationError(key, path, 'a path of fields such as pose.orientation or data[2]')
-    return tuple(int(step) if step.isdecimal() else step for step in re.findall(r'\w+', path))
 
 
 def value_at(message: Any, steps: Steps) -> Any:

@@ -9,17 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from manifold_mpc_ros.config.conventions import Vector, to_ours, to_theirs
-from manifold_mpc_ros.config.description import CommandMessage
-from manifold_mpc_ros.config.field_path import (
+from manifold_mpc_ros.config.conventions import Vector
+from manifold_mpc_ros.config.description import CommandMessage, Steps
+from manifold_mpc_ros.control.actuator import Actuation
+from manifold_mpc_ros.control.described.conversions import to_ours, to_theirs
+from manifold_mpc_ros.control.described.fields import (
     WRONG_FIELD,
-    Steps,
     numbers_at,
     put,
     put_numbers,
     value_at,
 )
-from manifold_mpc_ros.control.actuator import Actuation
 from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.errors import ConfigurationError
 

@@ -7,9 +7,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from manifold_mpc_ros.config.conventions import Quaternion
-from manifold_mpc_ros.config.description import Part, StateDescription
-from manifold_mpc_ros.config.field_path import WRONG_FIELD, Steps, numbers_at, value_at
+from manifold_mpc_ros.config.description import Part, StateDescription, Steps
+from manifold_mpc_ros.control.described.conversions import read_attitude, read_rate
+from manifold_mpc_ros.control.described.fields import WRONG_FIELD, numbers_at, value_at
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, RawState, Reason, Refusal
 from manifold_mpc_ros.errors import ConfigurationError
 
@@ -100,8 +100,9 @@ class DescribedSource:
         if described.attitude.stamp_unit_ns:
             stamp_ns = self._clock.to_ros_ns(stamp_ns, attitude.received_ns)
         try:
-            q_NB: Quaternion = described.attitude.convention.read(attitude.values)
-            omega_BN_B = described.rate.convention.read(rate.values, q_NB)
+            q_NB = read_attitude(described.attitude.convention, attitude.values)
+            x, y, z = rate.values
+            omega_BN_B = read_rate(described.rate.convention, (x, y, z), q_NB)
         except ValueError as error:
             return Refusal(Reason.QUATERNION_NORM, str(error))
         return RawState(

@@ -17,6 +17,7 @@ from properties import PROPERTY
 from strategies import ROTATION_VECTORS, rotation_vectors
 
 from manifold_mpc_ros.config import conventions as to
+from manifold_mpc_ros.control.described import conversions
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3
 
@@ -86,19 +87,21 @@ cases = st.integers(0, 2**63).map(Case.of)
 def test_a_description_and_its_inverse_give_the_same_state(case: Case) -> None:
     """What the stack says, as our state, and by the inverse description as the stack's again."""
     w, x, y, z = case.q_wxyz.tolist()
-    q_NB = case.attitude.read(said_as(case.attitude, case.q_wxyz))
-    back = inverse(case.attitude).read(q_NB)
+    q_NB = conversions.read_attitude(case.attitude, said_as(case.attitude, case.q_wxyz))
+    back = conversions.read_attitude(inverse(case.attitude), q_NB)
     sign = math.copysign(1.0, np.dot(back, (x, y, z, w)))  # q and -q are one attitude
     assert np.abs(sign * np.array(back) - (x, y, z, w)).max() <= ROUNDING, case
     unit = to.RATE_UNITS[case.rate.unit]
     if case.rate.axes == 'body':
-        omega_B = case.rate.read(tuple(part / unit for part in case.omega), q_NB)
-        again = to.RateConvention(body=turned(case.rate.body)).read(omega_B, q_NB)
+        omega_B = conversions.read_rate(case.rate, tuple(part / unit for part in case.omega), q_NB)
+        again = conversions.read_rate(
+            to.RateConvention(body=turned(case.rate.body)), omega_B, q_NB)
     else:
-        omega_N = to.to_ours(case.rate.world, case.omega)
-        omega_B = case.rate.read(tuple(part / unit for part in case.omega), q_NB)
-        there = to.RateConvention('world').read(omega_B, (-q_NB[0], -q_NB[1], -q_NB[2], q_NB[3]))
-        again = to.to_theirs(case.rate.world, there)
+        omega_N = conversions.to_ours(case.rate.world, case.omega)
+        omega_B = conversions.read_rate(case.rate, tuple(part / unit for part in case.omega), q_NB)
+        there = conversions.read_rate(
+            to.RateConvention('world'), omega_B, (-q_NB[0], -q_NB[1], -q_NB[2], q_NB[3]))
+        again = conversions.to_theirs(case.rate.world, there)
         assert np.abs(np.array(there) - omega_N).max() <= ROUNDING, case
     assert np.abs(np.array(again) - case.omega).max() <= ROUNDING, case
 
@@ -118,12 +121,12 @@ def test_what_a_stack_says_is_read_as_matrices_say(case: Case) -> None:
         'matrix': said.ravel()}[case.attitude.form]
     R_NW, R_BM = (np.eye(3) if axes is None else axes.R for axes in (
         case.attitude.world, case.attitude.body))
-    q_NB = case.attitude.read(tuple(map(float, values)))
+    q_NB = conversions.read_attitude(case.attitude, tuple(map(float, values)))
     R_NB = so3.rotation_from_quaternion([q_NB[3], *q_NB[:3]])
     assert np.abs(R_NB - R_NW @ R_WM @ R_BM.T).max() <= 1e-14, case
     rate = R_WM @ omega_M if case.rate.axes == 'world' else omega_M
     unit = 180.0 / math.pi if case.rate.unit == 'deg/s' else 1.0
-    omega_B = case.rate.read(tuple((unit * rate).tolist()), q_NB)
+    omega_B = conversions.read_rate(case.rate, tuple((unit * rate).tolist()), q_NB)
     assert np.abs(omega_B - R_BM @ omega_M).max() <= 1e-14, case
 
 
@@ -131,17 +134,18 @@ def test_named_axes_are_those_of_the_field() -> None:
     """A vehicle in NED and FRD that heads north, level, heads north in ENU and FLU too."""
     ned, frd = (to.axes_of('axes', name, named) for name, named in (
         ('NED', to.WORLD_AXES), ('FRD', to.BODY_AXES)))
-    q_NB = to.AttitudeConvention('quaternion_wxyz', world=ned, body=frd).read((1.0, 0.0, 0.0, 0.0))
+    q_NB = conversions.read_attitude(
+        to.AttitudeConvention('quaternion_wxyz', world=ned, body=frd), (1.0, 0.0, 0.0, 0.0))
     R_NB = so3.rotation_from_quaternion([q_NB[3], *q_NB[:3]])
     np.testing.assert_allclose(R_NB @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=ROUNDING)  # north
     np.testing.assert_allclose(R_NB @ [0.0, 0.0, 1.0], [0.0, 0.0, 1.0], atol=ROUNDING)  # up
-    yaw_right = to.RateConvention(body=frd).read((0.0, 0.0, 0.1), q_NB)
+    yaw_right = conversions.read_rate(to.RateConvention(body=frd), (0.0, 0.0, 0.1), q_NB)
     assert yaw_right == (0.0, 0.0, -0.1)
 
 
 def test_the_plain_convention_leaves_every_bit() -> None:
     for q in ((0.1, -0.2, 0.3, 0.4), (-0.0, 5e-324, math.inf, 1.0)):
-        read = to.AttitudeConvention().read(q)
+        read = conversions.read_attitude(to.AttitudeConvention(), q)
         assert struct.pack('4d', *read) == struct.pack('4d', *q)
 
 
@@ -149,6 +153,6 @@ def test_the_plain_convention_leaves_every_bit() -> None:
     [2.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], [-1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]])
 def test_a_matrix_that_is_no_rotation_is_refused(matrix: list[float]) -> None:
     with pytest.raises(ValueError, match='not a rotation'):
-        to.AttitudeConvention('matrix').read(matrix)
+        conversions.read_attitude(to.AttitudeConvention('matrix'), matrix)
     with pytest.raises(ConfigurationError, match='9 numbers of a rotation matrix'):
         to.axes_of('body_axes', matrix, to.BODY_AXES)
