@@ -93,6 +93,11 @@ class ControllerConfig:
         return (self.command_sink, 'wheels') if self.actuator == 'wheels' else (self.command_sink,)
 
     @property
+    def state_name(self) -> str:
+        """What refused states are counted under: the description, without the way to its file."""
+        return Path(self.state_source).stem
+
+    @property
     def state_timeout_s(self) -> float:
         """Age of the state above which the command is zero [s]."""
         return self.state_timeout_ticks * self.mpc.step_s

@@ -214,12 +214,12 @@ class AttitudeControllerNode(ManagedNode):
     def _on_state(self, read: RawState | Refusal, info: Mapping[str, Any]) -> None:
         """Take a state or count its refusal; in lockstep, answer."""
         if isinstance(read, Refusal):
-            self.refusals.add(self._config.state_source, read)
+            self.refusals.add(self._config.state_name, read)
             return
         refusal = self._loop.receive(
             read, self._now_ns(), None if self._simulated_time else time.monotonic_ns())
         if refusal is not None:
-            self.refusals.add(self._config.state_source, refusal)
+            self.refusals.add(self._config.state_name, refusal)
             if self._config.lockstep and refusal.reason is Reason.DUPLICATE:
                 self._repeat(read.stamp_ns)
         elif self._config.lockstep:
