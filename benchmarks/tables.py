@@ -13,9 +13,11 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+from program_tables import cones, fleet, joblib, light, mcap, table
 
 TOP = Path(__file__).resolve().parent.parent
 PAGES = (TOP / 'README.md', *(TOP / 'docs' / f'{name}.md' for name in (
@@ -23,12 +25,6 @@ PAGES = (TOP / 'README.md', *(TOP / 'docs' / f'{name}.md' for name in (
 RESULTS = TOP / 'docs' / 'results'
 CHAOS = 'chaos_matrix chaos_soak chaos_drills chaos_drills_shared_memory'
 TABLE = re.compile(r'(<!-- table: (\S+) -->\n).*?(<!-- end -->)', re.DOTALL)
-
-
-def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table in markdown."""
-    lines = [header, ['---'] * len(header), *rows]
-    return ''.join(f'| {" | ".join(line)} |\n' for line in lines)
 
 
 def times(data: dict[str, Any], start: str) -> str:
@@ -205,72 +201,6 @@ def counts(data: dict[str, Any]) -> str:
     return table(['solver', 'N', 'cold', 'warm steps after each', 'instructions per solve'], [
         [row['solver'], str(row['horizon']), str(row['cold']), str(row['warm_steps']),
          f'{row["instructions_per_solve"]:,}'] for row in data['rows']])
-
-
-def light(data: dict[str, Any]) -> str:
-    """Return how long a start takes, and what an installation brings."""
-    return table(['start of', 'wall time, median [s]', 'processor time, median [s]'], [
-        [f'`{name}`', f'{took["median_s"]:.2f}', f'{took["median_processor_s"]:.2f}']
-        for name, took in data['seconds'].items()]) + '\n' + table(
-        ['installed', 'distributions', 'MB'],
-        [[name, str(what['distributions']), f'{what["megabytes"]:.0f}']
-         for name, what in data['installed'].items()])
-
-
-def fleet(data: dict[str, Any]) -> str:
-    """Return what became of several spacecraft, and what they cost."""
-    return table(
-        ['time', 'spacecraft', 'settled', 'after [s]', 'ticks missed', 'processor, all [% of one '
-         'core]', 'controller / simulator [%]', 'memory, all [MB]', 'controller / simulator [MB]'],
-        [[row['time'], str(row['spacecraft']), str(row['settled']),
-          f'{row["settled_after_s"]:.0f}', f'{row["missed_ticks"]} of {row["ticks"]}',
-          f'{row["processor_percent_all"]:.0f}', '{controller} / {simulator}'.format(
-              **row['processor_percent']), str(row['memory_mb_all']),
-          '{controller} / {simulator}'.format(**row['memory_mb'])] for row in data['rows']])
-
-
-def mcap(data: dict[str, Any]) -> str:
-    """Return what is read of whole and damaged files, and what a killed writer leaves."""
-    own = data['mcap']
-    rows = []
-    for what in ('whole', 'cut in the middle', 'a bit flipped at a fifth'):
-        rows.append([what, *(f'{found["read"]:,} in {found["seconds"]:.2f} s' + (
-            f', then {found["ended_by"]}' if found['ended_by'] else '')
-            for found in own[what].values())])
-    written = ', '.join(f'{name} {own["write_us_per_message"][name]:.0f} us a message, {left:,} '
-                        f'of {own["messages"] // 2:,} left by a kill'
-                        for name, left in own['after_kill'].items())
-    return table(['file', *own['whole']], rows) + (
-        f'\nWritten: {written}. `mcap` and zstandard would add {own["megabytes_more"]:g} MB; of '
-        f'own code the scan has {own["own_lines"]["scan"]} lines, the storage '
-        f'{own["own_lines"]["storage"]}.\n')
-
-
-def joblib(data: dict[str, Any]) -> str:
-    """Return both pools."""
-    own = data['joblib']
-    return table(['', f'{own["jobs"]:,} empty jobs on two processes [s]',
-                  'results before a worker died', 'raised', 'alive 2 s after a killed parent'], [
-        [name, f'{own[name]["seconds"]:.1f}', str(own[name]['results_before_a_death']),
-         own[name]['raised'], str(own[name]['alive_after_the_parent'])]
-        for name in ('own workers', 'joblib')])
-
-
-def cones(data: dict[str, Any]) -> str:
-    """Return the public slews with cones: ours, others', the bound."""
-    rows = []
-    for row in data['rows']:
-        runs = row['runs']
-        settled = [run['settled_s'] for run in runs]
-        rows.append([
-            row['problem'], str(len(runs)), f'{min(settled):.1f} to {max(settled):.1f}',
-            f'{row["bound_s"]:g}', ', '.join(f'{each:g}' for each in row['others_s']),
-            f'{min(min(run["least_margin_deg"].values()) for run in runs):.2f}',
-            f'{100 * max(run["largest_energy"] for run in runs):.1f}',
-            f'{100 * max(run["largest_motor"] for run in runs):.1f}'])
-    return table(['problem', 'frames', 'settled after [s]', 'time-optimal bound [s]',
-                  'published, others [s]', 'least angle to a cone [deg]',
-                  'largest energy [% of limit]', 'largest motor torque [% of limit]'], rows)
 
 
 TABLES: dict[str, tuple[str, Callable[..., str]]] = {
