@@ -31,6 +31,8 @@ ACTUATORS = {'torque': 'manifold_mpc_ros.control.torque_actuator:TorqueActuator'
 WHEEL_STATES = ('wheel_states', 'sensor_msgs/msg/JointState', 'speeds of wheels [rad/s]')
 
 #: What each lifecycle node publishes and subscribes to with ``bond_period_s``.
+#: What every node says of itself, latched.
+DESCRIPTION = ('~/description', 'std_msgs/msg/String', 'parameters, versions, solver; latched')
 BOND = ('bond', 'bond/msg/Status', 'heartbeats, with bond_period_s')
 
 

@@ -32,6 +32,7 @@ from manifold_mpc_ros.control.mode_log import ModeLog
 from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.nodes.barrier import Barrier
 from manifold_mpc_ros.nodes.bond import Bond
+from manifold_mpc_ros.nodes.description import Description
 from manifold_mpc_ros.nodes.messages import to_diagnostics
 from manifold_mpc_ros.nodes.parameter_requests import make_requests_safe, make_transitions_safe
 from manifold_mpc_ros.nodes.parameters import NodeParameters
@@ -78,6 +79,9 @@ class ManagedNode(LifecycleNode):
     `start` and `stop`. A mistake in the configuration fails the transition and is logged once.
     """
 
+    #: How the node's solver runs, where it has one.
+    backend = ''
+
     def __init__(self, program: Program, *, complete: bool) -> None:
         """Declare parameters and the interfaces that exist in every lifecycle state."""
         super().__init__(
@@ -95,6 +99,7 @@ class ManagedNode(LifecycleNode):
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', OUTPUT_QOS)
         # Diagnostics go on when simulated time does not.
         self.steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self._description = Description(self)
         self._bond = Bond(self, self.barrier, self.steady_clock)
         self.tick_every(DIAGNOSTICS_PERIOD_S, 'diagnostics', self.publish_diagnostics)
         self.create_service(Trigger, '~/reset', self._on_reset)
@@ -176,6 +181,7 @@ class ManagedNode(LifecycleNode):
             self._bond.open(values['bond_period_s'])
             self.build(values)
             self._built = True
+            self._description.publish(values, self.backend)
         except ManifoldMpcError as error:
             self._failure = str(error)
             self.get_logger().error(f'refusing to configure: {error}')

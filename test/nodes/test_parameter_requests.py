@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import json
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -15,9 +17,13 @@ import rclpy
 from harness import reserved_domain
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import String
 
 from manifold_mpc_ros.config.tables import CONTROLLER_PARAMETERS, SIMULATOR_PARAMETERS
 from manifold_mpc_ros.nodes.controller import main as controller
@@ -96,6 +102,25 @@ def test_the_dump_of_a_node_loads(node: ManagedNode) -> None:
              if isinstance(value, list) and not isinstance(value[0], str)
              and all(float(each).is_integer() for each in value)}
     assert all(each.successful for each in asked(node, whole))
+
+
+def test_a_node_describes_itself_to_whoever_comes_late(node: ManagedNode) -> None:
+    late, seen = Node('late'), []
+    late.create_subscription(String, f'/{node.get_name()}/description', seen.append, QoSProfile(
+        depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+    executor = SingleThreadedExecutor()
+    for each in (late, node):
+        executor.add_node(each)
+    until_s = time.monotonic() + 60.0
+    while not seen and time.monotonic() < until_s:
+        executor.spin_once(timeout_sec=0.1)
+    executor.shutdown()
+    late.destroy_node()
+    said = json.loads(seen[0].data)
+    assert said['node'] == f'/{node.get_name()}'
+    assert said['backend'] == ('c' if isinstance(node, AttitudeControllerNode) else '')
+    assert {'manifold_mpc_ros', 'numpy', 'python', 'rmw'} <= set(said['versions'])
+    assert said['parameters'] == node._table.resolve()
 
 
 def test_integers_stay_doubles(node: ManagedNode) -> None:

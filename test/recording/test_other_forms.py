@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -16,6 +17,7 @@ import yaml
 from copies import others, thirds
 from golden import GOLDEN
 from rosbags.rosbag2 import CompressionMode
+from rosbags.typesys import Stores, get_typestore
 from synthetic import (
     START_NS,
     header,
@@ -33,6 +35,7 @@ from manifold_mpc_ros.lab.recording.bags.contents import RawMessage
 from manifold_mpc_ros.lab.recording.bags.reader import read_bag
 from manifold_mpc_ros.lab.recording.bags.run import TopicNames, read_run
 from manifold_mpc_ros.lab.recording.bags.verdict import judge
+from manifold_mpc_ros.lab.recording.replay_plan import ReplayPlan
 from manifold_mpc_ros.lab.recording.scenarios.scenario import Scenario
 
 
@@ -121,6 +124,10 @@ def imu(index: int, **fields: Any) -> RawMessage:
     return raw('/imu', START_NS + index, make('sensor_msgs/Imu', **{**values, **fields}))
 
 
+STRING = 'std_msgs/msg/String'
+KINDS = {'/odometry': 'nav_msgs/msg/Odometry', '/diagnostics':
+         'diagnostic_msgs/msg/DiagnosticArray', '/torque_command':
+         'geometry_msgs/msg/WrenchStamped', '/sat1/attitude_controller/description': STRING}
 NOT_GIVEN = np.array([-1.0, *[0.0] * 8])
 USELESS: list[tuple[Callable[[int], dict[str, Any]], str]] = [
     (lambda _: {'orientation': quaternion(0, 0, 0, 0)},
@@ -198,3 +205,33 @@ def test_a_scenario_judges_a_bag_that_says_nothing_of_itself(tmp_path: Path) -> 
         assert verdict.passed is passed
     with pytest.raises(BagError, match='--scenario names one'):
         judge(read_run(bag))
+
+
+def described(lockstep: bool, said: str = '') -> list[RawMessage]:
+    """Return a run in which the controller of a namespace has described itself, twice."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    texts = ('{}', said or json.dumps({
+        'backend': 'c', 'versions': {'numpy': '2'}, 'node': '/sat1/attitude_controller',
+        'parameters': {'lockstep': lockstep, 'mpc.horizon': 12}}))
+    return [*(RawMessage('/sat1/attitude_controller/description', START_NS, START_NS, bytes(
+        store.serialize_cdr(store.types[STRING](text), STRING))) for text in texts),
+        *run_messages(6)]
+
+
+@pytest.mark.parametrize('lockstep', [True, False])
+def test_what_the_nodes_say_of_themselves_stands_in(tmp_path: Path, lockstep: bool) -> None:
+    """Parameters and backend are those of the bag, and lockstep only where it is proved."""
+    run = read_run(others(tmp_path / 'bag', [described(lockstep)], KINDS))
+    assert (run.lockstep, run.backend, run.scenario) == (lockstep, 'c', None)
+    plan = ReplayPlan.of(run, None, None, None)
+    assert plan.parameters['mpc.horizon'] == 12
+    assert plan.rate == (None if lockstep else 1.0)
+    assert ReplayPlan.of(run, None, None, 3.0).rate == 3.0
+
+
+@pytest.mark.parametrize('said', ['[]', '{"parameters": 3, "backend": []}', '{"a'])
+def test_a_description_that_is_none(tmp_path: Path, said: str) -> None:
+    run = read_run(others(tmp_path / 'bag', [described(True, said)], KINDS))
+    assert (run.lockstep, run.backend) == (False, '')
+    assert len(run.warnings) == (said == '{"a')
+    assert ReplayPlan.of(run, None, None, None).rate == 1.0

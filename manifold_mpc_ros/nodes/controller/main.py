@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 from manifold_mpc_ros.config.interfaces import (
     BOND,
+    DESCRIPTION,
     WHEEL_STATES,
     command_topics,
     setpoint_topics,
@@ -39,6 +40,7 @@ PROGRAM = Program(
         ('~/disturbance', 'geometry_msgs/msg/WrenchStamped', 'estimated disturbance torque'),
         ('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'mode, solver, refusals'),
         BOND,
+        DESCRIPTION,
     ),
     replies=(
         ('~/reset', 'std_srvs/srv/Trigger', 'forget state, setpoint and warm start'),

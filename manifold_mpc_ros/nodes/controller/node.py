@@ -77,6 +77,7 @@ class AttitudeControllerNode(ManagedNode):
         self._realtime = Realtime(config.scheduler_priority, lock_memory=config.lock_memory)
         self._warn_without_cache()
         self._law = self._build_law(config)
+        self.backend = self._law.backend
         gate = StateGate(
             config.inertial_frame_id, config.body_frame_id, step_s=config.mpc.step_s,
             timeout_s=config.state_timeout_s, timed=not config.lockstep)
@@ -197,6 +198,7 @@ class AttitudeControllerNode(ManagedNode):
                 law.monitor.counters = self._law.monitor.counters
             self._loop.exchange(law)
             self._law = law
+            self._description.publish(self._table.resolve(), law.backend)
             self.get_logger().info('new parameters are in force')
 
     def _waiting(self) -> str:

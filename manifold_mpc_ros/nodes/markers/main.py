@@ -7,7 +7,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from manifold_mpc_ros.config.interfaces import BOND, command_topics, setpoint_topics, state_topics
+from manifold_mpc_ros.config.interfaces import (
+    BOND,
+    DESCRIPTION,
+    command_topics,
+    setpoint_topics,
+    state_topics,
+)
 from manifold_mpc_ros.config.tables import MARKERS_NAME, MARKERS_PARAMETERS
 from manifold_mpc_ros.nodes.process import run
 from manifold_mpc_ros.nodes.usage import Program
@@ -31,6 +37,7 @@ PROGRAM = Program(
         ('~/markers', 'visualization_msgs/msg/MarkerArray', 'only while somebody reads'),
         ('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'pictures drawn, refusals'),
         BOND,
+        DESCRIPTION,
     ),
     replies=(
         ('~/reset', 'std_srvs/srv/Trigger', 'forget what was seen'),

@@ -7,7 +7,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from manifold_mpc_ros.config.interfaces import BOND, command_topics
+from manifold_mpc_ros.config.interfaces import BOND, DESCRIPTION, command_topics
 from manifold_mpc_ros.config.tables import SIMULATOR_NAME, SIMULATOR_PARAMETERS
 from manifold_mpc_ros.nodes.process import run
 from manifold_mpc_ros.nodes.usage import Program
@@ -29,6 +29,7 @@ PROGRAM = Program(
         ('/clock', 'rosgraph_msgs/msg/Clock', 'simulated time, with publish_clock'),
         ('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'time, plant, refusals'),
         BOND,
+        DESCRIPTION,
     ),
     replies=(
         ('~/reset', 'std_srvs/srv/Trigger', 'back to the initial attitude and rate'),

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.config.tables import CONTROLLER_NAME, SIMULATOR_NAME
 from manifold_mpc_ros.errors import BagError, ConfigurationError
 from manifold_mpc_ros.lab.recording.bags import assemble
 from manifold_mpc_ros.lab.recording.bags.contents import (
@@ -209,7 +210,7 @@ def _outcome(contents: BagContents) -> str:
 
 
 def _description(contents: BagContents, warnings: list[str]) -> RunDescription:
-    """Return where the bag comes from: its first message, or its metadata."""
+    """Return where the bag comes from: its first message, its metadata, or what the nodes say."""
     texts = [contents.custom.get(CUSTOM_DESCRIPTION, '')]
     for message in contents.of(DESCRIPTION_TOPIC)[:1]:
         try:
@@ -221,7 +222,24 @@ def _description(contents: BagContents, warnings: list[str]) -> RunDescription:
             return RunDescription.from_json(text)
         except ValueError:
             warnings.append('the description of the run is damaged')
-    return RunDescription()
+    controller = _said_by(CONTROLLER_NAME, contents, warnings)
+    return RunDescription.from_json(json.dumps({
+        'versions': controller.get('versions'), 'backend': controller.get('backend'),
+        'controller_parameters': controller.get('parameters'),
+        'simulator_parameters': _said_by(SIMULATOR_NAME, contents, warnings).get('parameters')}))
+
+
+def _said_by(node: str, contents: BagContents, warnings: list[str]) -> dict[str, Any]:
+    """Return what a node said last on its latched ``~/description``, empty without it."""
+    topics = [topic for topic in contents.topics
+              if topic.endswith(f'/{node}/description')]
+    for message in [each for topic in topics for each in contents.of(topic)][-1:]:
+        try:
+            said = json.loads(read_text(message))
+            return said if isinstance(said, dict) else {}
+        except ValueError:
+            warnings.append(f'{message.topic}: the description of the node is damaged')
+    return {}
 
 
 def _noted(description: RunDescription) -> TopicNames:
