@@ -19,6 +19,13 @@ from manifold_mpc_ros.mpc.cone_keeper import ConeKeeper
 from manifold_mpc_ros.mpc.local_solver import LocalSolver, Plan, StateReport
 from manifold_mpc_ros.mpc.plan_finder import VIOLATION, PlanFinder
 from manifold_mpc_ros.mpc.program.numbers import numbers_of
+from manifold_mpc_ros.mpc.reference import (
+    LEAST_SHARE,
+    ROTATION_DEFECT,
+    Reference,
+    ReferenceNumbers,
+    numbers_of_reference,
+)
 from manifold_mpc_ros.mpc.scaling import Array, scaling_of
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus, failed, with_wheels
 from manifold_mpc_ros.mpc.stages.inequalities import structure_of
@@ -30,8 +37,6 @@ from manifold_mpc_ros.terminal.design import TerminalDesign
 NO_LEVEL = 1e12
 # A commanded attitude that moved by more than this [rad] forgets the warm start.
 SETPOINT_MOVED_RAD = 1e-3
-# A matrix farther than this from SO(3) is no rotation.
-ROTATION_DEFECT = 1e-6
 _IDENTITY = np.eye(3)
 
 
@@ -56,12 +61,13 @@ class AttitudeMpc:
 
     def __init__(self, config: AttitudeMpcConfig, *, backend: str = 'auto',
                  cache_dir: str | Path | None = None,
-                 terminal: TerminalDesign | None = None, disturbed: bool = False) -> None:
+                 terminal: TerminalDesign | None = None, disturbed: bool = False,
+                 moving: bool = False) -> None:
         """Design the terminal set, then build or load the solver (seconds at the first start).
 
         ``terminal`` is the design where the caller has it already (horizon and cones aside).
-        ``disturbed`` builds the solver that takes disturbance torques at once, instead of when
-        the first one is given.
+        ``disturbed`` and ``moving`` build the solver that takes disturbance torques and references
+        at once, instead of when the first one is given.
 
         Raises
         ------
@@ -75,16 +81,18 @@ class AttitudeMpc:
         self.terminal: TerminalDesign = terminal or stored_design(config, cache_dir)
         self._unit = scaling_of(config)
         self._built_with = backend, cache_dir
-        self._disturbance = np.zeros(3)
-        self._build(disturbed=disturbed)
+        self._disturbance, self._reference = np.zeros(3), numbers_of_reference(
+            Reference.fixed(_IDENTITY, config.horizon), config)
+        self._ahead: Array | None = None  # foreseen attitudes of a reference
+        self._build(disturbed=disturbed, moving=moving)
         inertia = config.inertia_kg_m2 / (self._unit.torque_n_m * self._unit.time_s ** 2)
         self._guard_squared = float(np.linalg.eigvalsh(inertia)[0]) ** 2
         self._R_ND = _IDENTITY
 
-    def _build(self, *, disturbed: bool) -> None:
+    def _build(self, *, disturbed: bool, moving: bool) -> None:
         """Load the solver and allocate its memory."""
-        config, self._built_disturbed = self.config, disturbed
-        structure = structure_of(config, disturbed=disturbed)
+        config, self._disturbed, self._moving = self.config, disturbed, moving
+        structure = structure_of(config, disturbed=disturbed, moving=moving)
         make, self.backend = load_solver(structure, config.horizon, *self._built_with)
 
         def solver_within(level: float) -> LocalSolver:
@@ -94,6 +102,8 @@ class AttitudeMpc:
         self._relaxed = solver_within(NO_LEVEL) if config.terminal_constraint else self._strict
         self._cones = ConeKeeper(config, self.terminal, self._strict, self._relaxed)
         self._finder = PlanFinder(config, self._strict, self._relaxed, self._cones)
+        if moving:
+            self._set_reference(self._reference)
 
     def reset(self) -> None:
         """Forget the warm start; the next solve searches globally."""
@@ -102,7 +112,8 @@ class AttitudeMpc:
     def solve(self, R_NB: ArrayLike, omega_BN_B: ArrayLike, R_ND: ArrayLike | None = None, *,
               disturbance_B_n_m: ArrayLike | None = None, max_solve_time_s: float | None = None,
               directions_N: Mapping[str, ArrayLike] | None = None,
-              wheel_momentum_n_m_s: ArrayLike | None = None) -> AttitudeMpcSolution:
+              wheel_momentum_n_m_s: ArrayLike | None = None,
+              reference: Reference | None = None) -> AttitudeMpcSolution:
         """Map a measured state to a plan.
 
         Arguments
@@ -128,6 +139,10 @@ class AttitudeMpc:
             configuration for every other cone.
         wheel_momentum_n_m_s
             Momenta (n,) of the wheels about their axes, for the solution's motor torques.
+        reference
+            Attitudes and rates of a target that moves, at every node; R_ND does not count then.
+            Its torque and rate take their share from the limits that the terminal set is
+            designed for (`terminal_share`).
 
         Raises
         ------
@@ -141,7 +156,10 @@ class AttitudeMpc:
         deadline_s = math.inf if max_solve_time_s is None else time.monotonic() + max_solve_time_s
         self._disturb(disturbance_B_n_m)
         self._cones.set_directions(directions_N)
+        if reference is not None or self._moving:
+            R_ND = self._track(reference, R_ND)
         state = self._set_state(R_NB, omega_BN_B, R_ND)
+        self._ahead = None if reference is None else reference.R_ND[:2]
         if state is None:
             self.reset()
             return failed(R_NB, omega_BN_B, self.config.horizon, time.perf_counter() - begin)
@@ -196,18 +214,51 @@ class AttitudeMpc:
         if d.shape != (3,) or not (np.abs(d) < bound).all():
             raise ConfigurationError('disturbance_B_n_m', d.tolist(),
                                      '3 finite numbers, each below the torque limit')
-        if limit is not None and not np.array_equal(d, self._disturbance):
-            if not self._built_disturbed:
-                self._build(disturbed=True)
+        changed, self._disturbance = not np.array_equal(d, self._disturbance), d
+        if limit is not None and changed:
+            if not self._disturbed:
+                self._build(disturbed=True, moving=self._moving)
                 self._cones.aim(self._R_ND)
             for solver in {self._strict, self._relaxed}:
                 solver.disturb(d / self._unit.torque_n_m)
-            self._cones.leave((1.0 - float((np.abs(d) / limit).max())) ** 2)
-        self._disturbance = d
+            self._cones.leave(self.terminal_share)
+
+    def _track(self, reference: Reference | None, R_ND: ArrayLike | None) -> ArrayLike | None:
+        """Plan about a reference from now on; return its first attitude, R_ND without one."""
+        if reference is None and self._ahead is None:
+            return R_ND
+        still = Reference.fixed(_IDENTITY, self.config.horizon)
+        self._reference = numbers_of_reference(reference or still, self.config)
+        if not self._moving:
+            self._build(disturbed=self._disturbed, moving=True)
+            self._cones.aim(self._R_ND)
+        self._set_reference(self._reference)
+        self._cones.leave(self.terminal_share)
+        return R_ND if reference is None else reference.R_ND[0]
+
+    def _set_reference(self, numbers: ReferenceNumbers) -> None:
+        """Hand a reference to the solvers."""
+        for solver in {self._strict, self._relaxed}:
+            solver.set_reference(numbers.nodes)
+
+    @property
+    def terminal_share(self) -> float:
+        """The part ``rho^2`` of the terminal level that disturbance and reference leave.
+
+        rho is what they leave of torque and rate limits; below `LEAST_SHARE` nothing is promised.
+        """
+        limit = self.config.max_torque_n_m
+        acting = np.abs(self._disturbance) / (np.inf if limit is None else limit)
+        used = max((self._reference.torque_share + acting).max(), self._reference.rate_share)
+        return max(LEAST_SHARE, 1.0 - float(used)) ** 2
 
     def _aim(self, target: Array) -> None:
-        """Forget the warm start where the commanded attitude has moved."""
-        if error_angle(self.config, target.T @ self._R_ND) > SETPOINT_MOVED_RAD:
+        """Forget the warm start where the commanded attitude moved otherwise than foreseen."""
+        foreseen, allowed = [self._R_ND], SETPOINT_MOVED_RAD
+        if self._ahead is not None:
+            foreseen = list(self._ahead)
+            allowed += float(error_angle(self.config, foreseen[0].T @ foreseen[1]))
+        if min(error_angle(self.config, target.T @ each) for each in foreseen) > allowed:
             self.reset()
         self._R_ND = target if target is _IDENTITY else target.copy()
         self._cones.aim(self._R_ND)

@@ -27,6 +27,7 @@ from manifold_mpc_ros.mpc.program.structure import Structure
 from manifold_mpc_ros.mpc.scaling import TERMINAL_LEVEL, Array
 from manifold_mpc_ros.mpc.stages.cone import cone_numbers
 from manifold_mpc_ros.mpc.stages.inequalities import cone_inequality, inequalities_of
+from manifold_mpc_ros.mpc.stages.reference import REFERENCE
 from manifold_mpc_ros.mpc.stages.torque_box import ShiftedTorqueBox
 
 # A slack below this is one of an inequality that holds the plan back.
@@ -168,6 +169,10 @@ class LocalSolver:
         self._global(cones.data)[:] = cone_numbers(kept)
         self._set_nodes(cones.aim, np.tile((1.0, 0.0, 0.0, 0.0), (self.horizon + 1, 1)))
         self._set_nodes(cones.direction_N, directions_N.reshape(self.horizon + 1, -1))
+
+    def set_reference(self, numbers: Array) -> None:
+        """Set the reference that costs are about, at every node (N + 1, 14)."""
+        self._set_nodes(REFERENCE, numbers)
 
     def begin_way(self, mu: float, aims: Array) -> None:
         """Start from the slew law towards what it aims at, stage by stage (N + 1, 4)."""

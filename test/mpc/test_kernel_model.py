@@ -24,6 +24,7 @@ from manifold_mpc_ros.mpc import search
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.local_solver import LocalSolver
 from manifold_mpc_ros.mpc.program import fields as f
+from manifold_mpc_ros.mpc.reference import Reference
 from manifold_mpc_ros.mpc.stages.inequalities import inequalities_of
 
 Array = NDArray[np.float64]
@@ -50,6 +51,9 @@ KINDS: dict[str, dict[str, Any]] = {
     'pointing': {**LIMITED, 'target': 'pointing', 'forcing': 'symmetric', 'horizon': 6},
     'certified pointing': {**LIMITS, 'target': 'pointing', 'horizon': 9},
 }
+# About a reference that moves, under a disturbance torque.
+MOVING: dict[str, dict[str, Any]] = {
+    'moving certified': KINDS['certified'], 'moving paper': KINDS['limited paper']}
 
 
 class Probe(LocalSolver):
@@ -69,10 +73,23 @@ class Probe(LocalSolver):
         return float(cost - self._mu * logs)
 
 
-@pytest.fixture(scope='module', params=sorted(KINDS))
+def wobbling(horizon: int) -> Reference:
+    """Return a reference that turns about changing axes."""
+    turns = np.array([[0.06 * np.sin(0.5 * k), 0.02 * k, -0.01 * k] for k in range(horizon + 1)])
+    rates = np.array([[0.02, 0.04 * np.cos(k), -0.02] for k in range(horizon + 1)])
+    return Reference(so3.exp(turns), rates)
+
+
+@pytest.fixture(scope='module', params=sorted([*KINDS, *MOVING]))
 def probe(request: pytest.FixtureRequest) -> Probe:
     """Return a probe of each kind of problem."""
-    solver = AttitudeMpc(configuration(**KINDS[request.param]))._strict
+    moving = request.param in MOVING
+    config = configuration(**{**KINDS, **MOVING}[request.param])
+    mpc = AttitudeMpc(config, disturbed=moving, moving=moving)
+    if moving:
+        mpc.solve(np.eye(3), np.zeros(3), reference=wobbling(config.horizon),
+                  disturbance_B_n_m=[0.02, -0.05, 0.03])
+    solver = mpc._strict
     solver.__class__ = Probe
     assert isinstance(solver, Probe)
     return solver

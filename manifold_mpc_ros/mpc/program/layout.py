@@ -10,19 +10,20 @@ from manifold_mpc_ros.mpc.program import fields
 from manifold_mpc_ros.mpc.program.field import Field, Memory
 from manifold_mpc_ros.mpc.program.structure import Structure
 from manifold_mpc_ros.mpc.stages.inequalities import inequalities_of
+from manifold_mpc_ros.mpc.stages.reference import REFERENCE
 
 _COMMON = tuple(value for value in vars(fields).values() if isinstance(value, Field))
 
 
 class Layout:
-    """The fields of a structure: those of every problem, then those of its inequalities."""
+    """The fields of a structure: those of every problem, of its inequalities, of a reference."""
 
     def __init__(self, structure: Structure) -> None:
         """Give every field its rows."""
         own = (field for inequality in inequalities_of(structure) for field in inequality.fields)
         self._first: dict[Field, int] = {}
         self._rows = dict.fromkeys(Memory, 0)
-        for field in (*_COMMON, *own):
+        for field in (*_COMMON, *own, *([REFERENCE] if structure.moving else [])):
             self._first[field] = self._rows[field.memory]
             self._rows[field.memory] += field.size
 

@@ -11,12 +11,14 @@ class Structure(NamedTuple):
     """Forcing, target, and which inequalities there are.
 
     ``rows`` has (name, number of values) of each inequality that the problem has, in the order of
-    the table :data:`manifold_mpc_ros.mpc.stages.inequalities.KINDS`.
+    the table :data:`manifold_mpc_ros.mpc.stages.inequalities.KINDS`. ``moving``: costs are about a
+    reference that moves over the horizon.
     """
 
     symmetric: bool
     pointing: bool
     rows: tuple[tuple[str, int], ...] = ()
+    moving: bool = False
 
     def has(self, name: str) -> bool:
         """Return whether the problem has the inequality of a name."""

@@ -30,12 +30,13 @@ KINDS: tuple[type[Inequality], ...] = (
 DISTURBED: dict[type[Inequality], type[Inequality]] = {TorqueBox: ShiftedTorqueBox}
 
 
-def structure_of(config: AttitudeMpcConfig, *, disturbed: bool = False) -> Structure:
+def structure_of(config: AttitudeMpcConfig, *, disturbed: bool = False,
+                 moving: bool = False) -> Structure:
     """Map a configuration to the structure that its solver is generated for."""
     kinds = [DISTURBED.get(kind, kind) for kind in KINDS] if disturbed else KINDS
     rows = ((kind.name, kind.rows_in(config)) for kind in kinds)
     return Structure(config.forcing == 'symmetric', config.target == 'pointing',
-                     tuple((name, count) for name, count in rows if count))
+                     tuple((name, count) for name, count in rows if count), moving)
 
 
 @cache

@@ -36,6 +36,12 @@ from manifold_mpc_ros.mpc.stages.inequalities import (
     torque_inequalities,
 )
 from manifold_mpc_ros.mpc.stages.quadratic_model import node_at
+from manifold_mpc_ros.mpc.stages.reference import (
+    errors,
+    excess_rate,
+    excess_torque,
+    own_torque,
+)
 from manifold_mpc_ros.mpc.stages.terminal import coordinates, error_vector, form_of
 
 # Fractions of the limits that a starting trajectory uses.
@@ -155,7 +161,9 @@ def slew_phase(structure: Structure) -> Phase:
         p = unpack(read(f.PARAMETER))
         node = _reached(read, p)
         omega = p.inertia_inverse @ node.momentum
-        u = slew_torque(structure, node.attitude, omega, p, read)
+        q, _ = errors(structure, read, node.attitude, node.free)
+        omega = excess_rate(structure, read, node.attitude, omega)
+        u = own_torque(structure, read, slew_torque(structure, q, omega, p, read))
         u = _inside(structure, u, _cold_margin(read(f.BARRIER)), read)
         return _advanced(structure, node, u, p)
 
@@ -184,8 +192,10 @@ def local_phase(structure: Structure) -> Phase:
     def expression(read: Read) -> dict[Field, ca.SX]:
         p = unpack(read(f.PARAMETER))
         node = _reached(read, p)
-        xi = coordinates(node.attitude, node.free, structure.pointing, p)
-        u = _inside(structure, p.terminal_gain @ xi, _cold_margin(read(f.BARRIER)), read)
+        xi = coordinates(*errors(structure, read, node.attitude, node.free),
+                         structure.pointing, p)
+        u = own_torque(structure, read, p.terminal_gain @ xi)
+        u = _inside(structure, u, _cold_margin(read(f.BARRIER)), read)
         return _advanced(structure, node, u, p)
 
     return phase('roll_local', expression, order=Order.FORWARD, beyond=1, last=2)
@@ -196,7 +206,7 @@ def _node_phase(structure: Structure, name: str, *, warm: bool) -> Phase:
     def expression(read: Read) -> dict[Field, ca.SX]:
         p = unpack(read(f.PARAMETER))
         writes = {f.COST_NODE: read(f.INNER) * merit.state_cost(
-            read.new(f.ATTITUDE), read.new(f.FREE), p)}
+            *errors(structure, read, read.new(f.ATTITUDE), read.new(f.FREE)), p)}
         for each in node_inequalities(structure):
             writes |= each.begin(read, node_at(read, p, new=True), warm=warm)
         return writes | merit.node_merit(structure, read(f.LATER), writes)
@@ -218,7 +228,8 @@ def _stage_phase(structure: Structure, name: str, *, warm: bool) -> Phase:
     """Put the barrier variables of a stage's torque limits near the central path of mu."""
     def expression(read: Read) -> dict[Field, ca.SX]:
         p, u = unpack(read(f.PARAMETER)), read.new(f.TORQUE)
-        writes = {f.COST_STAGE: merit.torque_cost(u, p), f.SOUND_STAGE: ca.SX(1)}
+        writes = {f.COST_STAGE: merit.torque_cost(excess_torque(structure, read, u), p),
+                  f.SOUND_STAGE: ca.SX(1)}
         limits = torque_inequalities(structure)
         for each in limits:
             writes |= each.begin(read, u, warm=warm)
@@ -243,7 +254,8 @@ def begin_terminal_phase(structure: Structure) -> Phase:
     """Put the barrier variables of the terminal set on the central path; start the sums."""
     def expression(read: Read) -> dict[Field, ca.SX]:
         p = unpack(read(f.PARAMETER))
-        value = form_of(read.new(f.ATTITUDE), read.new(f.FREE), structure.pointing, p)
+        value = form_of(*errors(structure, read, read.new(f.ATTITUDE), read.new(f.FREE)),
+                        structure.pointing, p)
         limit = terminal_level(structure)
         if limit is None:
             return {f.SUMS: ca.vertcat(value / 2, 0, 1)}

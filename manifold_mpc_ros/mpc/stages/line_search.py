@@ -28,6 +28,7 @@ from manifold_mpc_ros.mpc.stages.inequalities import (
 )
 from manifold_mpc_ros.mpc.stages.inequality import Variation
 from manifold_mpc_ros.mpc.stages.quadratic_model import node_at
+from manifold_mpc_ros.mpc.stages.reference import errors, excess_torque
 from manifold_mpc_ros.mpc.stages.terminal import form_of
 
 # A step may turn by at most this much in one trial [rad]: it stays on its branch.
@@ -83,7 +84,8 @@ def node_phase(structure: Structure) -> Phase:
             writes[f.FREE] = free
         else:
             free = read.new(f.FREE)
-        cost = read(f.INNER) * merit.state_cost(read.new(f.ATTITUDE), free, p)
+        cost = read(f.INNER) * merit.state_cost(
+            *errors(structure, read, read.new(f.ATTITUDE), free), p)
         moved = read(f.MOVE) if structure.symmetric else (
             ca.reshape(read(f.AFTER), 3, 3) @ read(f.MOVE))
         step = Variation(alpha * read(f.TURN), alpha * (p.inertia_inverse @ moved))
@@ -105,7 +107,8 @@ def stage_phase(structure: Structure) -> Phase:
             u = 2 * (read(f.MOMENTUM_AFTER) - read.new(f.MOMENTUM))
         else:
             u = read.new(f.MOMENTUM, 1) - read(f.MOMENTUM_BEFORE)
-        writes = {f.TORQUE: u, f.COST_STAGE: merit.torque_cost(u, p),
+        cost = merit.torque_cost(excess_torque(structure, read, u), p)
+        writes = {f.TORQUE: u, f.COST_STAGE: cost,
                   f.SOUND_STAGE: read(f.SOUND_STEP, 0 if structure.symmetric else 1)}
         limits = torque_inequalities(structure)
         for each in limits:
@@ -124,11 +127,13 @@ def terminal_phase(structure: Structure) -> Phase:
     """Terminal cost and set; the sums over the stages start here."""
     def expression(read: Read) -> dict[Field, ca.SX]:
         p, mu, alpha = unpack(read(f.PARAMETER)), read(f.BARRIER), read(f.LENGTH)
-        new = form_of(read.new(f.ATTITUDE), read.new(f.FREE), structure.pointing, p)
+        new = form_of(*errors(structure, read, read.new(f.ATTITUDE), read.new(f.FREE)),
+                      structure.pointing, p)
         limit = terminal_level(structure)
         if limit is None:
             return {f.SUMS: ca.vertcat(new / 2, 0, 1)}
-        old = form_of(read(f.ATTITUDE), read(f.FREE), structure.pointing, p)
+        old = form_of(*errors(structure, read, read(f.ATTITUDE), read(f.FREE)),
+                      structure.pointing, p)
         t = read(limit.elastic)
         bounds = elastic_bounds(read(limit.slack), t, read(limit.multiplier), mu, limit.penalty)
         predicted = alpha * 2 * ca.dot(read(f.FORM_GRADIENT), ca.vertcat(

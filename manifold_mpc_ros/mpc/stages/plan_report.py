@@ -16,6 +16,7 @@ from manifold_mpc_ros.mpc.stages import merit
 from manifold_mpc_ros.mpc.stages.barrier import most
 from manifold_mpc_ros.mpc.stages.inequalities import node_inequalities, terminal_level
 from manifold_mpc_ros.mpc.stages.initial_state import row_by_row
+from manifold_mpc_ros.mpc.stages.reference import errors, excess_torque
 from manifold_mpc_ros.mpc.stages.terminal import form_of
 
 
@@ -28,15 +29,17 @@ def report_phases(structure: Structure) -> tuple[Phase, ...]:
 def _level(structure: Structure, read: Read) -> ca.SX:
     """Return ``xi^T P xi / c`` of a node."""
     p = unpack(read(f.PARAMETER))
-    return form_of(read(f.ATTITUDE), read(f.FREE), structure.pointing, p) / p.terminal_level
+    off = errors(structure, read, read(f.ATTITUDE), read(f.FREE))
+    return form_of(*off, structure.pointing, p) / p.terminal_level
 
 
 def _first_phase(structure: Structure) -> Phase:
     """Cost of the first stage, level of the first node."""
     def expression(read: Read) -> dict[Field, ca.SX]:
         p = unpack(read(f.PARAMETER))
-        cost = merit.state_cost(read(f.ATTITUDE), read(f.FREE), p)
-        return {f.FIRST_COST: cost + merit.torque_cost(read(f.TORQUE), p),
+        cost = merit.state_cost(*errors(structure, read, read(f.ATTITUDE), read(f.FREE)), p)
+        effort = merit.torque_cost(excess_torque(structure, read, read(f.TORQUE)), p)
+        return {f.FIRST_COST: cost + effort,
                 f.FIRST_LEVEL: _level(structure, read),
                 **{each.excess: ca.SX.zeros(2) for each in node_inequalities(structure)}}
 

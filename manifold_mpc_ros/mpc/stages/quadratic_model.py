@@ -22,11 +22,7 @@ from typing import NamedTuple
 import casadi as ca
 
 from manifold_mpc_ros.dynamics.symbolic import solve_3x3
-from manifold_mpc_ros.lie.symbolic import (
-    rotation_from_quaternion,
-    trace_hessian,
-    vee_of_skew_part,
-)
+from manifold_mpc_ros.lie.symbolic import rotation_from_quaternion, vee_of_skew_part
 from manifold_mpc_ros.mpc.program import fields as f
 from manifold_mpc_ros.mpc.program.field import Field
 from manifold_mpc_ros.mpc.program.phase import Order, Phase, Read, phase
@@ -40,6 +36,7 @@ from manifold_mpc_ros.mpc.stages.inequalities import (
     torque_inequalities,
 )
 from manifold_mpc_ros.mpc.stages.inequality import Curvature, Node, Variation
+from manifold_mpc_ros.mpc.stages.reference import excess_torque, weights
 
 
 def where(flag: ca.SX, value: ca.SX) -> ca.SX:
@@ -56,7 +53,7 @@ def force_phase(structure: Structure) -> Phase:
     """Torque terms of a stage: gradients, barrier weights, largest complementarity product."""
     def expression(read: Read) -> dict[Field, ca.SX]:
         p = unpack(read(f.PARAMETER))
-        force = p.torque_hessian @ read(f.TORQUE)
+        force = p.torque_hessian @ excess_torque(structure, read, read(f.TORQUE))
         writes = {f.PULL: force, f.FORCE: force, f.FORCE_SIZE: largest(force)}
         limits = torque_inequalities(structure)
         if limits:
@@ -115,8 +112,9 @@ def _sum(one: Variation, other: Variation) -> Variation:
 def _turn_terms(structure: Structure, g: ca.SX, limits: _LimitTerms, read: Read, p: Parameters
                 ) -> dict[Field, ca.SX]:
     """Return gradient and Hessian by a spatial turn: ``tr(Qg (I - g))``, and limits of it."""
-    s, inner = g @ p.attitude_weight, read(f.INNER)
-    hessian = blend(read(f.EXACT), form.left_hessian(s), trace_hessian(p.attitude_weight))
+    weight, inner = weights(structure, read, p), read(f.INNER)
+    s = g @ weight.attitude
+    hessian = blend(read(f.EXACT), form.left_hessian(s), weight.by_turn)
     gradient, hessian = inner * vee_of_skew_part(s), inner * hessian
     if not of_attitude(structure):
         return {f.TURN_GRADIENT: gradient, f.TURN_HESSIAN: form.upper_part(hessian)}
@@ -145,10 +143,10 @@ def paper_node_phase(structure: Structure) -> Phase:
         before = form.derivative_before(turn, after, read(f.MOMENTUM)) @ g.T
         after = after @ g.T
         force_into, force = read(f.FORCE, -1) + limits.force.rate, where(inner, read(f.FORCE))
-        lagrangian = turn @ (inner * p.rate_weight + form.multiplier_matrix(
+        weight = weights(structure, read, p)
+        lagrangian = turn @ (inner * weight.rate + form.multiplier_matrix(
             force_into, force, p.inertia))
-        curved = blend(read(f.EXACT), form.left_hessian(lagrangian),
-                       inner * trace_hessian(p.rate_weight))
+        curved = blend(read(f.EXACT), form.left_hessian(lagrangian), inner * weight.by_step)
         weighted = out @ before
         hessian = (form.congruence(after, into @ after) + form.congruence(before, weighted)
                    + form.congruence(g.T, curved @ g.T))
@@ -183,11 +181,12 @@ def symmetric_node_phase(structure: Structure) -> Phase:
         free = rotation_from_quaternion(read(f.FREE))
         limits = _limit_terms(structure, read, p)
         by_momentum = solve_3x3(form.momentum_derivative(free, p.inertia), ca.SX.eye(3))
-        gradient = by_momentum.T @ vee_of_skew_part(free @ p.rate_weight)
+        weight = weights(structure, read, p)
+        gradient = by_momentum.T @ vee_of_skew_part(free @ weight.rate)
         curved = form.left_hessian(free @ (
-            p.rate_weight - form.multiplier_matrix(gradient, ca.SX.zeros(3), p.inertia)))
+            weight.rate - form.multiplier_matrix(gradient, ca.SX.zeros(3), p.inertia)))
         hessian = form.congruence(by_momentum, blend(
-            read(f.EXACT), curved, trace_hessian(p.rate_weight)) @ by_momentum)
+            read(f.EXACT), curved, weight.by_step) @ by_momentum)
         return {**_turn_terms(structure, g, limits, read, p),
                 f.MOVE_GRADIENT: inner * gradient + limits.pull.rate,
                 f.MOVE_FORCE: inner * gradient + limits.force.rate,

@@ -29,6 +29,7 @@ from manifold_mpc_ros.mpc.stages import step_derivatives as form
 from manifold_mpc_ros.mpc.stages.barrier import elastic_bounds, largest
 from manifold_mpc_ros.mpc.stages.inequalities import of_attitude, terminal_level
 from manifold_mpc_ros.mpc.stages.quadratic_model import turn_force
+from manifold_mpc_ros.mpc.stages.reference import axes, errors
 
 
 def error_vector(q: ca.SX, pointing: bool, p: Parameters) -> ca.SX:
@@ -80,11 +81,16 @@ def _chart(structure: Structure, read: Read, weight: ca.SX, p: Parameters) -> _C
     """Return the derivatives of xi by the node's variation (theta, second state)."""
     q, free = read(f.ATTITUDE), read(f.FREE)
     turn, left = ca.SX.sym('turn', 3), ca.SX.sym('left', 3)
+    q_off, free_off = errors(structure, read, turned(q, turn), turned(free, left))
     by_turn = _second_derivative(
-        ca.dot(weight[0:3], error_vector(turned(q, turn), structure.pointing, p)), turn)
-    by_left = _second_derivative(
-        ca.dot(weight[3:6], quaternion_log(turned(free, left))), left)
-    log_derivative = right_jacobian_inverse(-quaternion_log(free))
+        ca.dot(weight[0:3], error_vector(q_off, structure.pointing, p)), turn)
+    by_left = _second_derivative(ca.dot(weight[3:6], quaternion_log(free_off)), left)
+    q_off, free_off = errors(structure, read, q, free)
+    log_derivative = right_jacobian_inverse(-quaternion_log(free_off))
+    error_derivative = _error_derivative(q_off, structure.pointing, p)
+    if structure.moving:
+        E, F = axes(structure, read)
+        error_derivative, log_derivative = error_derivative @ E.T, log_derivative @ F.T
     if structure.symmetric:
         step = rotation_from_quaternion(free)
         to_left = solve_3x3(form.momentum_derivative(step, p.inertia), ca.SX.eye(3))
@@ -94,7 +100,7 @@ def _chart(structure: Structure, read: Read, weight: ca.SX, p: Parameters) -> _C
     else:
         to_left = rotation_from_quaternion(q).T
     return _Chart(
-        ca.diagcat(_error_derivative(q, structure.pointing, p), log_derivative @ to_left),
+        ca.diagcat(error_derivative, log_derivative @ to_left),
         ca.diagcat(by_turn, to_left.T @ by_left @ to_left))
 
 
@@ -108,7 +114,8 @@ def terminal_phase(structure: Structure) -> Phase:
     """Start the backward recursion: value, costates and residuals at k = N."""
     def expression(read: Read) -> dict[Field, ca.SX]:
         p = unpack(read(f.PARAMETER))
-        xi = coordinates(read(f.ATTITUDE), read(f.FREE), structure.pointing, p)
+        xi = coordinates(*errors(structure, read, read(f.ATTITUDE), read(f.FREE)),
+                         structure.pointing, p)
         p_xi = p.terminal_weight @ xi
         chart = _chart(structure, read, p_xi, p)
         hessian = (chart.derivative.T @ p.terminal_weight @ chart.derivative
