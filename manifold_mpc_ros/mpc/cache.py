@@ -41,6 +41,15 @@ def cache_directory(cache_dir: str | Path | None) -> Path:
         raise CacheError(f'no solver cache: {reason}; {VARIABLE} names another folder') from error
 
 
+def why_no_cache() -> str:
+    """Return in a sentence why every start builds the solver again, '' where it is kept."""
+    try:
+        cache_directory(None)
+        return ''
+    except CacheError as error:
+        return f'{error}; every start builds the solver again'
+
+
 def _wanted(cache_dir: str | Path | None) -> Path:
     """Return the directory that is asked for; raises RuntimeError where the user has no home."""
     if chosen := cache_dir or os.environ.get(VARIABLE):

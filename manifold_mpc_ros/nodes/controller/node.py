@@ -25,9 +25,9 @@ from manifold_mpc_ros.control.input_gate import (
     admit_direction,
 )
 from manifold_mpc_ros.control.tick_time import LOCKSTEP, ClockTime, TickTime
-from manifold_mpc_ros.errors import CacheError, ManifoldMpcError
+from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
-from manifold_mpc_ros.mpc.cache import cache_directory
+from manifold_mpc_ros.mpc.cache import why_no_cache
 from manifold_mpc_ros.mpc.target import attitude_towards
 from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.command_output import CommandOutput
@@ -75,7 +75,8 @@ class AttitudeControllerNode(ManagedNode):
         self._simulated_time = False
         setpoint = DescribedSetpoint(config.setpoint_source, config.inertial_frame_id)
         self._realtime = Realtime(config.scheduler_priority, lock_memory=config.lock_memory)
-        self._warn_without_cache()
+        if no_cache := why_no_cache():
+            self.get_logger().warning(no_cache)
         self._law = self._build_law(config)
         self.backend = self._law.backend
         gate = StateGate(
@@ -179,13 +180,6 @@ class AttitudeControllerNode(ManagedNode):
         """Return what a configuration works with."""
         solver = self.make_solver(config, terminal)
         return law_with(solver, config, self._realtime.enter_solver_thread)
-
-    def _warn_without_cache(self) -> None:
-        """Say when what is built now is built again at the next start."""
-        try:
-            cache_directory(None)
-        except CacheError as error:
-            self.get_logger().warning(f'{error}; every start builds the solver again')
 
     def _take_change(self) -> None:
         """Work with the law of new parameters, if it is ready."""
