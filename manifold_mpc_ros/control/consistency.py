@@ -279,13 +279,16 @@ class ConsistencyCheck:
         self._count = self._count + 1 if again else 1
         self._agreeing = explaining & self._agreeing if again else explaining
         self._squares = residuals ** 2 + (self._squares if again else 0.0)
-        best = float(self._squares[self._agreeing].min())
-        likeliest = int(np.argmax(self._agreeing & (self._squares <= 4.0 * best + 1e-12)))
+        squares = np.where(self._agreeing, self._squares, np.inf)
+        likeliest = int(np.argmax(squares <= 4.0 * squares.min() + 1e-12))
+        named = [likeliest]
+        if squares[likeliest] > 1.2 * squares.min() + 1e-12:
+            named.append(int(np.argmin(squares)))
         self._large = float(angles[0]) > POOR_SENSOR_RAD
         self._likely = likeliest < len(_LIKELY)
-        self._sentence = (
-            f'attitude and rate contradict each other by {residuals[0]:.3g} rad/s; they would '
-            f'agree if {CONVENTIONS[likeliest].words}')
+        words = ', or if '.join(CONVENTIONS[each].words for each in named)
+        self._sentence = (f'attitude and rate contradict each other by {residuals[0]:.3g} rad/s; '
+                          f'they would agree if {words}')
 
 
 def _in_both_frames(sample: StateSample) -> FloatArray:
