@@ -9,6 +9,8 @@ Messages are described in YAML (description.py). What the nodes subscribe to and
 from __future__ import annotations
 
 import importlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from manifold_mpc_ros.config.description import (
@@ -57,6 +59,16 @@ def message_class(message_type: str, install: str = '') -> Any:
     except AttributeError:
         raise ConfigurationError(
             'type', message_type, f'a message that package {package} has') from None
+
+
+@contextmanager
+def named_by(parameter: str, given: str) -> Iterator[None]:
+    """Let a ConfigurationError of a message type name the parameter and the description."""
+    try:
+        yield
+    except ConfigurationError as error:
+        raise ConfigurationError(
+            parameter, given, f'{error.value} to be {error.valid}') from None
 
 
 def state_topics(*given: str) -> Interfaces:

@@ -10,38 +10,40 @@ from collections.abc import Sequence
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.duration import Duration
 
-from manifold_mpc_ros.config.description import CommandMessage, command_description
-from manifold_mpc_ros.config.interfaces import message_class
+from manifold_mpc_ros.config.controller import ControllerConfig
+from manifold_mpc_ros.config.description import command_description
+from manifold_mpc_ros.config.interfaces import message_class, named_by
 from manifold_mpc_ros.control.actuator import Actuation
 from manifold_mpc_ros.control.described.command import CommandWriter
 from manifold_mpc_ros.nodes.managed_node import ManagedNode, Status
 
+#: What fills the messages of a topic, and their type.
+Writers = Sequence[tuple[CommandWriter, type]]
 
-class CommandOutput:
-    """Publishes commands on every topic of descriptions.
 
-    Arguments
-    ---------
-    node
-        Who publishes.
-    given
-        The descriptions: names of shipped ones, or YAML files.
-    body_frame_id, full_scale_n_m
-        As of `CommandWriter`.
+def command_writers(config: ControllerConfig) -> Writers:
+    """Return what fills the messages of the descriptions of commands.
 
     Raises ConfigurationError for a message type that is not installed or a field that it lacks.
-
     """
+    writers = []
+    for each in config.command_sinks:
+        for message in command_description(each):
+            writer = CommandWriter(message, config.body_frame_id, config.full_scale_torque_n_m)
+            with named_by('command_sink', each):
+                kind = message_class(message.message_type, message.install)
+                writer.check(kind())
+            writers.append((writer, kind))
+    return writers
 
-    def __init__(
-        self, node: ManagedNode, given: Sequence[str], body_frame_id: str,
-        full_scale_n_m: Sequence[float],
-    ) -> None:
-        """Advertise the topics of the descriptions."""
+
+class CommandOutput:
+    """Publishes commands of a node on every topic of descriptions."""
+
+    def __init__(self, node: ManagedNode, writers: Writers) -> None:
+        """Advertise the topics."""
         self._node = node
-        self._outputs = [
-            _Output(node, described, CommandWriter(described, body_frame_id, full_scale_n_m))
-            for each in given for described in command_description(each)]
+        self._outputs = [_Output(node, writer, kind) for writer, kind in writers]
         self._others: list[str] = []
 
     def close(self) -> None:
@@ -79,14 +81,11 @@ class CommandOutput:
 class _Output:
     """The publisher of one topic, and the timer of messages that come by themselves."""
 
-    def __init__(
-        self, node: ManagedNode, described: CommandMessage, writer: CommandWriter,
-    ) -> None:
+    def __init__(self, node: ManagedNode, writer: CommandWriter, kind: type) -> None:
         """Advertise the topic."""
-        self._node, self._writer = node, writer
-        self._kind = message_class(described.message_type, described.install)
-        writer.check(self._kind())
-        self.publisher = node.advertise(self._kind, described.topic)
+        self._node, self._writer, self._kind = node, writer, kind
+        described = writer.described
+        self.publisher = node.advertise(kind, described.topic)
         self.timer = node.tick_every(
             described.period_s, described.topic, self._on_timer) if described.period_s else None
 

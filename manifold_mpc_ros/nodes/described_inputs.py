@@ -12,7 +12,7 @@ from typing import Any
 
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.description import command_description, setpoint_description
-from manifold_mpc_ros.config.interfaces import message_class
+from manifold_mpc_ros.config.interfaces import message_class, named_by
 from manifold_mpc_ros.control.described.command import CommandWriter
 from manifold_mpc_ros.control.described.conversions import read_attitude
 from manifold_mpc_ros.control.described.fields import WRONG_FIELD, value_at
@@ -28,8 +28,9 @@ class DescribedSetpoint:
         """Find the type of the messages, `kind`."""
         self._part = setpoint_description(given)
         self.topic, self._inertial_frame_id = self._part.topic, inertial_frame_id
-        self.kind = message_class(self._part.message_type, self._part.install)
-        check_part(self._part, self.kind())
+        with named_by('setpoint_source', given):
+            self.kind = message_class(self._part.message_type, self._part.install)
+            check_part(self._part, self.kind())
 
     def admit(self, message: Any) -> FloatArray | Refusal:
         """Return the commanded attitude R_ND (3, 3) of a message, or why it must not be used."""
@@ -52,8 +53,9 @@ class DescribedTorque:
         self._writer, self._body_frame_id = CommandWriter(
             torques[0], body_frame_id, full_scale_n_m), body_frame_id
         self.topic = torques[0].topic
-        self.kind = message_class(torques[0].message_type, torques[0].install)
-        self._writer.check(self.kind())
+        with named_by('command_sink', given):
+            self.kind = message_class(torques[0].message_type, torques[0].install)
+            self._writer.check(self.kind())
 
     def admit(self, message: Any) -> FloatArray | Refusal:
         """Return the body torque (3,) [N m] of a message, or why it must not be used."""

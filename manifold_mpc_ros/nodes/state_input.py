@@ -14,7 +14,7 @@ from typing import Any
 from rclpy.qos import QoSProfile
 
 from manifold_mpc_ros.config.description import state_description
-from manifold_mpc_ros.config.interfaces import message_class
+from manifold_mpc_ros.config.interfaces import message_class, named_by
 from manifold_mpc_ros.control.described.source import DescribedSource, check_part
 from manifold_mpc_ros.control.input_gate import RawState, Refusal
 from manifold_mpc_ros.nodes.managed_node import ManagedNode
@@ -23,6 +23,19 @@ from manifold_mpc_ros.nodes.publisher_watch import PublisherWatch
 #: What a node does with a state, or with the reason why a message makes none; and what the
 #: middleware says about the message that completed it.
 OnState = Callable[[RawState | Refusal, Mapping[str, Any]], None]
+
+
+def state_kinds(given: str) -> dict[str, type]:
+    """Return the types of the messages of a description by topic.
+
+    Raises ConfigurationError for a message type that is not installed or a field that it lacks.
+    """
+    described, kinds = state_description(given), {}
+    for part in (described.attitude, described.rate):
+        with named_by('state_source', given):
+            kinds[part.topic] = message_class(part.message_type, part.install)
+            check_part(part, kinds[part.topic]())
+    return kinds
 
 
 class StateInput:
@@ -41,7 +54,7 @@ class StateInput:
     on_duplicate
         Called with the topic when two publishers of it take turns.
 
-    Raises ConfigurationError for a message type that is not installed or a field that it lacks.
+    Raises what `state_kinds` raises.
 
     """
 
@@ -52,12 +65,8 @@ class StateInput:
         """Subscribe to the topics of the description."""
         self._node = node
         self._on_state, self._on_duplicate = on_state, on_duplicate
-        described = state_description(given)
-        self._source = DescribedSource(described)
-        kinds = {}
-        for part in (described.attitude, described.rate):
-            kinds[part.topic] = message_class(part.message_type, part.install)
-            check_part(part, kinds[part.topic]())
+        self._source = DescribedSource(state_description(given))
+        kinds = state_kinds(given)
         self._watches = {topic: PublisherWatch() for topic in kinds}
         self._subscriptions = {
             topic: node.listen(kind, topic, self._callback(topic), qos)

@@ -55,6 +55,10 @@ CONTROLLER: list[tuple[str, Any, str]] = [
     ('mpc.terminal_constraint', 1, 'true or false'),
     ('mpc.horizont', 30, "'mpc.horizon'"),
     ('state_source', 'gyro', "'odometry', 'astrobee'"),
+    ('state_source', 'px4', 'px4_msgs/msg/VehicleAttitude to be a type of an installed package '
+     '(the branch of your PX4 release of https://github.com/PX4/px4_msgs'),
+    ('command_sink', 'astrobee', 'ff_msgs/msg/FamCommand to be a type of an installed package'),
+    ('setpoint_source', 'imu', "a description with the key 'setpoint'"),
     ('body_frame_id', '', 'not empty'),
     ('use_sim_time_', True, 'unknown key'),
 ]

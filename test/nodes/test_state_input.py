@@ -198,9 +198,9 @@ def test_two_publishers_in_turn_of_any_topic_are_told(publishers: int, topic: st
     ('px4', {}, 'px4_msgs/msg/VehicleAttitude.*github.com/PX4/px4_msgs'),
     ('nav', {'type': 'nav_msgs/msg/Odometer'}, 'nav_msgs/msg/Odometer.*that package nav_msgs has'),
     ('nav', {'type': 'no_msgs/msg/State'}, 'no_msgs/msg/State.*build no_msgs in this workspace'),
-    ('nav', {'field': 'pose.orientation'}, "odometry: 'nav_msgs/msg/Odometry'.*'orientation'"),
-    ('nav', {'field': 'header.frame_id'}, 'odometry: .*0 numbers, not 4'),
-    ('imu', {'absent': 'orientation_covariance[9]'}, 'imu: .*9 elements, not 10'),
+    ('nav', {'field': 'pose.orientation'}, "nav_msgs/msg/Odometry to be .*'orientation'"),
+    ('nav', {'field': 'header.frame_id'}, '0 numbers, not 4'),
+    ('imu', {'absent': 'orientation_covariance[9]'}, 'state_source: .*Imu .*9 elements, not 10'),
 ])
 def test_a_type_or_path_that_is_not_there_gets_one_sentence(
     tmp_path: Path, preset: str, change: dict[str, str], says: str,

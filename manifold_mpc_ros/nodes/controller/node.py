@@ -30,7 +30,7 @@ from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.cache import why_no_cache
 from manifold_mpc_ros.mpc.target import attitude_towards
 from manifold_mpc_ros.nodes import messages
-from manifold_mpc_ros.nodes.command_output import CommandOutput
+from manifold_mpc_ros.nodes.command_output import CommandOutput, command_writers
 from manifold_mpc_ros.nodes.controller.cone_inputs import ConeInputs
 from manifold_mpc_ros.nodes.controller.diagnostics import status_of
 from manifold_mpc_ros.nodes.controller.insight import Insight
@@ -42,7 +42,7 @@ from manifold_mpc_ros.nodes.controller.wheel_input import WheelInput
 from manifold_mpc_ros.nodes.described_inputs import DescribedSetpoint
 from manifold_mpc_ros.nodes.managed_node import STATE_QOS, ManagedNode, Status
 from manifold_mpc_ros.nodes.setpoint_input import SetpointInput
-from manifold_mpc_ros.nodes.state_input import StateInput
+from manifold_mpc_ros.nodes.state_input import StateInput, state_kinds
 from manifold_mpc_ros.nodes.usage import Program
 from manifold_mpc_ros.terminal.design import TerminalDesign
 
@@ -69,27 +69,27 @@ class AttitudeControllerNode(ManagedNode):
 
     def build(self, values: Mapping[str, Value]) -> None:
         """Design and build the solver, then the interfaces."""
-        config = ControllerConfig.from_parameters(values)
-        self._config = config
+        self._config = config = ControllerConfig.from_parameters(values)
         self._changes.begin(dict(values))
         self._simulated_time = False
+        state_kinds(config.state_source)
         setpoint = DescribedSetpoint(config.setpoint_source, config.inertial_frame_id)
+        writers = command_writers(config)
         self._realtime = Realtime(config.scheduler_priority, lock_memory=config.lock_memory)
         if no_cache := why_no_cache():
             self.get_logger().warning(no_cache)
         self._law = self._build_law(config)
         self.backend = self._law.backend
-        gate = StateGate(
-            config.inertial_frame_id, config.body_frame_id, step_s=config.mpc.step_s,
-            timeout_s=config.state_timeout_s, timed=not config.lockstep)
         self._loop = ControlLoop(
-            self._law, gate, initial_setpoint=config.initial_setpoint,
+            self._law, StateGate(
+                config.inertial_frame_id, config.body_frame_id, step_s=config.mpc.step_s,
+                timeout_s=config.state_timeout_s, timed=not config.lockstep),
+            initial_setpoint=config.initial_setpoint,
             make_actuator=load(ACTUATORS[config.actuator]).from_config)
         self._command: Command | None = None
         self._ticks = self._setpoints = 0
         self._said: tuple[tuple[object, ...], float] = ((), 0.0)
-        self._output = CommandOutput(
-            self, config.command_sinks, config.body_frame_id, config.full_scale_torque_n_m)
+        self._output = CommandOutput(self, writers)
         self._wheels = WheelInput(self, config)
         self._insight = Insight(self)
         self._states = StateInput(

@@ -25,7 +25,7 @@ from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.described_inputs import DescribedSetpoint, DescribedTorque
 from manifold_mpc_ros.nodes.managed_node import INPUT_QOS, OUTPUT_QOS, ManagedNode, Status
 from manifold_mpc_ros.nodes.markers.shapes import Picture, markers
-from manifold_mpc_ros.nodes.state_input import StateInput
+from manifold_mpc_ros.nodes.state_input import StateInput, state_kinds
 
 #: A viewer needs no more pictures than this [s].
 PERIOD_S = 0.05
@@ -44,13 +44,14 @@ class AttitudeMarkersNode(ManagedNode):
         """Make the interfaces."""
         self._frames = (str(values['inertial_frame_id']), str(values['body_frame_id']))
         self._scale = float(values['torque_length_per_n_m'])  # type: ignore[arg-type]
-        self._publisher = self.create_lifecycle_publisher(MarkerArray, '~/markers', OUTPUT_QOS)
         self._state_source = str(values['state_source'])
+        state_kinds(self._state_source)
         self._states: StateInput | None = None
         setpoint = DescribedSetpoint(str(values['setpoint_source']), self._frames[0])
         torque = DescribedTorque(
             str(values['command_sink']), self._frames[1],
             values['full_scale_torque_n_m'])  # type: ignore[arg-type]
+        self._publisher = self.create_lifecycle_publisher(MarkerArray, '~/markers', OUTPUT_QOS)
         # Setpoints come seldom: one that nobody saw coming is drawn all the same.
         self._always = self._subscribe((
             (setpoint.kind, setpoint.topic, lambda message: self._take(
