@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+from manifold_mpc_ros.config import checks as checks
 from manifold_mpc_ros.config.cones import check_target, cone_topics
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.description import (
@@ -56,6 +57,7 @@ class ControllerConfig:
 
     def __post_init__(self) -> None:
         """Check what the fields together have to satisfy."""
+        checks.limit('disturbance.max_torque_n_m', self.max_disturbance_n_m)
         longest_s = LONGEST_DELAY_STEPS * self.mpc.step_s
         if self.actuation_delay_s > longest_s:
             raise ConfigurationError(

@@ -157,7 +157,7 @@ class AttitudeMpc:
         self._disturb(disturbance_B_n_m)
         self._cones.set_directions(directions_N)
         if reference is not None or self._moving:
-            R_ND = self._track(reference, R_ND)
+            R_ND = self._track(reference, np.asarray(R_NB, dtype=float), R_ND)
         state = self._set_state(R_NB, omega_BN_B, R_ND)
         self._ahead = None if reference is None else reference.R_ND[:2]
         if state is None:
@@ -223,10 +223,13 @@ class AttitudeMpc:
                 solver.disturb(d / self._unit.torque_n_m)
             self._cones.leave(self.terminal_share)
 
-    def _track(self, reference: Reference | None, R_ND: ArrayLike | None) -> ArrayLike | None:
+    def _track(self, reference: Reference | None, R_NB: Array, R_ND: ArrayLike | None
+               ) -> ArrayLike | None:
         """Plan about a reference from now on; return its first attitude, R_ND without one."""
         if reference is None and self._ahead is None:
             return R_ND
+        if reference is not None and self.config.target == 'pointing' and R_NB.shape == (3, 3):
+            reference = reference.rolled(self.config.pointing_axis_B, R_NB)
         still = Reference.fixed(_IDENTITY, self.config.horizon)
         self._reference = numbers_of_reference(reference or still, self.config)
         if not self._moving:

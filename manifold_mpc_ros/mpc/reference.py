@@ -61,6 +61,15 @@ class Reference:
         """Return the reference that stays at an attitude (3, 3)."""
         return cls(np.tile(R_ND, (horizon + 1, 1, 1)), np.zeros((horizon + 1, 3)))
 
+    def rolled(self, axis_B: Array, R_NB: Array) -> Reference:
+        """Return the same directions of an axis (3,), with the roll about it of a body (3, 3).
+
+        Where roll is free, rates are compared in the axes that the body has, not in others.
+        """
+        w, *v = so3.quaternion_from_rotation(self.R_ND[0].T @ R_NB)
+        roll = so3.exp(2.0 * np.arctan2(np.array(v) @ axis_B, w) * axis_B)
+        return Reference(self.R_ND @ roll, self.omega_DN_D @ roll)
+
 
 class ReferenceNumbers(NamedTuple):
     """``nodes`` (N+1, 14): quaternions of E_k = R_D0Dk and F_k, rate and torque, dimensionless.

@@ -19,6 +19,7 @@ from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.reference import Reference, reference_torque
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
+from manifold_mpc_ros.sim.model_plant import ModelPlant
 from manifold_mpc_ros.sim.plant import Plant
 
 H, N = 0.1, 30
@@ -104,6 +105,18 @@ def test_without_its_rate_the_same_target_is_followed_behind(mpc: AttitudeMpc) -
         return Reference.fixed(path(time_s).R_ND[0], N)
 
     assert track(mpc, without, 10.0).error_deg[-1] > 0.5
+
+
+def test_a_direction_that_moves_is_followed_whatever_the_roll() -> None:
+    config = configuration(**{**CERTIFIED, 'target': 'pointing'})
+    mpc, n = AttitudeMpc(config, moving=True), config.horizon
+    body, omega = ModelPlant(config, so3.exp([0.3, -0.2, 2.0])), np.array([0.02, 0.03, 0.01])
+    for tick in range(50):
+        times = (config.step_s * (tick + np.arange(n + 1)))[:, None]
+        reference = Reference(so3.exp(times * omega), np.tile(omega, (n + 1, 1)))
+        off = np.cross(body.R_NB[:, 2], reference.R_ND[0][:, 2])
+        body.step(mpc.solve(*body.measure(), reference=reference).torque_B_n_m)
+    assert np.rad2deg(np.linalg.norm(off)) < 5e-3
 
 
 def test_beyond_the_limits_it_is_said_and_no_limit_is_broken(mpc: AttitudeMpc) -> None:
