@@ -34,7 +34,7 @@ WHEEL_STATES = ('wheel_states', 'sensor_msgs/msg/JointState', 'speeds of wheels 
 
 #: What each lifecycle node publishes and subscribes to with ``bond_period_s``.
 #: What every node says of itself, latched.
-DESCRIPTION = ('~/description', 'std_msgs/msg/String', 'parameters, versions, solver; latched')
+DESCRIPTION = ('~/description', 'std_msgs/msg/String', 'parameters, versions; latched')
 BOND = ('bond', 'bond/msg/Status', 'heartbeats, with bond_period_s')
 
 
