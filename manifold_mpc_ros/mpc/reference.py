@@ -113,8 +113,10 @@ def numbers_of_reference(reference: Reference, config: AttitudeMpcConfig) -> Ref
     torque = reference_torque(reference, config)
     torque = np.vstack([torque, torque[-1:]])
     limit = np.inf if config.max_torque_n_m is None else config.max_torque_n_m
+    half = 0.5 * config.step_s * omega
+    angle = np.linalg.norm(half, axis=1, keepdims=True)
     nodes = np.hstack([
-        quaternions, so3.quaternion_from_rotation(so3.exp(config.step_s * omega)),
+        quaternions, np.cos(angle), np.sinc(angle / np.pi) * half,
         omega / unit.rate_rad_s, torque / unit.torque_n_m])
     return ReferenceNumbers(nodes, np.abs(torque).max(axis=0) / limit, _rate_share(config, omega))
 
