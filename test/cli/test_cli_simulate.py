@@ -57,6 +57,16 @@ def assert_csv_holds(path: Path, log: ClosedLoopLog) -> None:
     assert [row['status'] for row in rows] == log.status.tolist()
 
 
+def test_a_horizon_that_is_too_short_is_named(
+    command: Command, write_config: Callable[..., Path], tmp_path: Path,
+) -> None:
+    controller = write_config('controller', **{'mpc.horizon': 5})
+    _, out, err = command(
+        'simulate', '--controller-config', controller, '--duration', 4, '--output', tmp_path)
+    assert err == ''
+    assert 'WARNING: no plan has reached the terminal set for 5 ticks' in out
+
+
 def test_a_slew_that_has_no_time_to_settle(
     command: Command, quick_controller: Path, tmp_path: Path,
 ) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 from manifold_mpc_ros.cli import arguments as shared
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig, SimulatorConfig
 from manifold_mpc_ros.config.controller import ControllerConfig
+from manifold_mpc_ros.mpc.plan_watch import PlanWatch
 from manifold_mpc_ros.mpc.target import error_angle
 from manifold_mpc_ros.sim.closed_loop import ClosedLoopLog, run_closed_loop
 from manifold_mpc_ros.sim.plant import Plant
@@ -75,8 +76,19 @@ def run(arguments: argparse.Namespace) -> int:
         math.radians(arguments.attitude_tolerance), arguments.rate_tolerance)
     rows = _result_rows(log, plant, config, arguments, settled_s)
     console.print(report.result_table('Closed loop, offline', rows))
+    for text in _warnings(log, config):
+        console.print(f'WARNING: {text}', soft_wrap=True, markup=False)
     report.say_written(console, _write(log, config, arguments, settled_s))
     return 0 if settled_s is not None else 1
+
+
+def _warnings(log: ClosedLoopLog, config: AttitudeMpcConfig) -> list[str]:
+    """Return what did not fit at some time of the run: horizon, period."""
+    watch, found = PlanWatch(config), dict[str, str]()
+    for status, solve_time_s in zip(log.status, log.solve_time_s):
+        watch.see(status, float(solve_time_s))
+        found |= watch.warnings
+    return list(found.values())
 
 
 def _result_rows(

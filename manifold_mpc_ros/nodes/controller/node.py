@@ -159,6 +159,7 @@ class AttitudeControllerNode(ManagedNode):
         status = status_of(self._command, self._loop, self._waiting())
         self._output.name_others(status)
         self._cones.add_to(status)
+        self._insight.add_to(status)
         status.values.update(
             ticks=self._ticks, setpoints=self._setpoints, backend=self._law.backend,
             **self._changes.values(),

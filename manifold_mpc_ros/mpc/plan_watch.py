@@ -1,0 +1,47 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Whether horizon and period fit, judged over many solves: what happens, and what to change."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.mpc.solution import SolveStatus
+
+# Solves that are looked back on, and how many of them may take longer than the period.
+RECENT, LATE = 100, 10
+
+
+class PlanWatch:
+    """Sees every solve of one configuration.
+
+    Warns when no plan has reached the terminal set for as many ticks in a row as the horizon has
+    steps, and when ten of the last hundred solves took longer than the step.
+    """
+
+    def __init__(self, config: AttitudeMpcConfig) -> None:
+        """Start without a solve."""
+        self._config, self._outside = config, 0
+        self._late: deque[bool] = deque(maxlen=RECENT)
+
+    def see(self, status: SolveStatus | str, solve_time_s: float) -> None:
+        """Take one solve."""
+        self._outside = self._outside + 1 if status == SolveStatus.INFEASIBLE else 0
+        self._late.append(solve_time_s > self._config.step_s)
+
+    @property
+    def warnings(self) -> dict[str, str]:
+        """What is wrong now and what would mend it, by kind; the same words while it lasts."""
+        config, found = self._config, {}
+        if self._outside >= config.horizon:
+            view_s = config.horizon * config.step_s
+            found['horizon'] = (
+                f'no plan has reached the terminal set for {config.horizon} ticks: {view_s:g} s '
+                'ahead are too short for this slew; raise mpc.horizon or mpc.torque_weight '
+                '(manifold-mpc design says by how much)')
+        if sum(self._late) >= LATE:
+            found['period'] = (
+                f'{LATE} of {RECENT} solves take longer than the period of {config.step_s:g} s; '
+                'lower mpc.horizon or raise mpc.step_s')
+        return found
