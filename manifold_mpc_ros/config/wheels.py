@@ -140,6 +140,28 @@ class WheelArray:
         """
         return replace(self, available=self.available & ~failed)
 
+    def reported(self, momentum_n_m_s: Any) -> tuple[WheelArray, FloatArray]:
+        """Map momenta (n,), NaN where one is not known, to the wheels that work, and momenta.
+
+        None: all at rest. All wheels work where too few would be left.
+
+        Raises
+        ------
+        ConfigurationError
+            For another number of them.
+
+        """
+        momentum = np.zeros(len(self)) if momentum_n_m_s is None else np.asarray(
+            momentum_n_m_s, dtype=float)
+        if momentum.shape != (len(self),) or np.isinf(momentum).any():
+            raise ConfigurationError('wheel_momentum_n_m_s', momentum_n_m_s,
+                                     f'{len(self)} numbers, one for each of the wheels')
+        unknown = np.isnan(momentum)
+        try:
+            return self if not unknown.any() else self.without(unknown), momentum
+        except ConfigurationError:
+            return self, momentum
+
     @property
     def spans_space(self) -> bool:
         """Whether the available wheels give torque about three independent axes."""

@@ -211,7 +211,7 @@ class ControlLoop:
         assert self._R_ND is not None
         result = self._law.solver.solve(SolveRequest(
             time_ns, R_NB, omega_BN_B, self._R_ND, self._cold, self._epoch,
-            self._ahead.disturbance_B_n_m, self.directions_N))
+            self._ahead.disturbance_B_n_m, self.directions_N, self.output.devices))
         if result is None:
             return Facts(age_ns, SolveOutcome.NONE, detail='the solver is late'), None
         offer, solution = self._offer(result), result.solution

@@ -12,7 +12,7 @@ import queue
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution
@@ -25,6 +25,7 @@ class SolveRequest:
     ``cold`` asks to forget the warm start. ``epoch`` tells requests apart that were made before
     everything was forgotten. ``disturbance_B_n_m`` (3,) is the torque that acts unasked [N m],
     None where nobody looks for one. ``directions_N`` stand in for those of cones, by name.
+    ``wheel_momentum_n_m_s`` (n,) is what reaction wheels report, None without wheels.
     """
 
     time_ns: int
@@ -35,6 +36,7 @@ class SolveRequest:
     epoch: int = 0
     disturbance_B_n_m: FloatArray | None = None
     directions_N: Mapping[str, FloatArray] = field(default_factory=dict)
+    wheel_momentum_n_m_s: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +82,10 @@ def solve_with(solver: Solver, max_solve_time_s: float | None = None) -> Solve:
     def solve(request: SolveRequest) -> AttitudeMpcSolution:
         if request.cold:
             solver.reset()
-        more = {'directions_N': request.directions_N} if request.directions_N else {}
+        more: dict[str, Any] = (
+            {'directions_N': request.directions_N} if request.directions_N else {})
+        if request.wheel_momentum_n_m_s is not None:
+            more['wheel_momentum_n_m_s'] = request.wheel_momentum_n_m_s
         return solver.solve(request.R_NB, request.omega_BN_B, request.R_ND,
                             disturbance_B_n_m=request.disturbance_B_n_m,
                             max_solve_time_s=max_solve_time_s, **more)

@@ -28,8 +28,9 @@ from manifold_mpc_ros.lie.so3 import hat
 _BIAS = 0.3
 # A null space motion takes this many steps.
 _NULL_STEPS = 10.0
-# A motor at its momentum limit keeps this part of its torque, so that ratios are numbers.
-_LEAST_PART = 1e-9
+# A motor at its momentum limit keeps this part of its torque, so that ratios are numbers, and the
+# limit is taken this part lower, so that it is kept all the same.
+_LEAST_PART, _ROOM = 1e-9, 1e-6
 
 
 class WheelAllocation:
@@ -63,7 +64,7 @@ class WheelAllocation:
         middle = omega_BN_B + step_s / 2 * rising
         self._turned = np.eye(3) + hat(step_s / 2 * middle)
         self._gyroscopic = hat(middle) @ wheels.axes_B.T @ momentum_n_m_s
-        top, room = wheels.max_torque_n_m, wheels.max_momentum_n_m_s
+        top, room = wheels.max_torque_n_m, (1.0 - _ROOM) * wheels.max_momentum_n_m_s
         least = _LEAST_PART * top
         self.low = -np.clip((room + momentum_n_m_s) / step_s, least, top) * wheels.available
         self.high = np.clip((room - momentum_n_m_s) / step_s, least, top) * wheels.available

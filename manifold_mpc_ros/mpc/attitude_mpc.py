@@ -31,6 +31,7 @@ from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus, fail
 from manifold_mpc_ros.mpc.stages.inequalities import structure_of
 from manifold_mpc_ros.mpc.stored_design import stored_design
 from manifold_mpc_ros.mpc.target import error_angle
+from manifold_mpc_ros.mpc.wheel_keeper import WheelKeeper
 from manifold_mpc_ros.terminal.design import TerminalDesign
 
 # A level that no state exceeds: the terminal set is then not there.
@@ -50,13 +51,12 @@ class AttitudeMpc:
     with ``g = R_ND^T R_NB``, subject to torque limits, rate limits at k >= 1 and the terminal
     set. Outside D_N, where no plan meets them all, the terminal set is dropped, the rate limits
     are violated as little as an exact penalty says, torque limits still hold, and the status
-    is 'infeasible'. From a cold start the
-    search covers both sides of the 180 degree set and the torque octants; later ticks improve
-    the shifted plan, which keeps the side of the turn, and search again only when the plan's
-    value exceeds the bound V - L of the last one with more than 90 degrees left to turn,
-    or when it does not converge. With cones the search also goes round those that hold its best
-    plan back, and runs again when a cone breaks a plan that kept it. A commanded attitude that a
-    cone forbids is held off: the plan ends as near to it as the cones let it, 'infeasible'.
+    is 'infeasible'. From a cold start the search covers both sides of the 180 degree set and the
+    torque octants; later ticks improve the shifted plan, which keeps the side of the turn, and
+    search again only when the plan's value exceeds the bound V - L of the last one with more than
+    90 degrees left to turn, or when it does not converge. With cones the search also goes round
+    those that hold its best plan back, and runs again when a cone breaks a plan that kept it. A
+    commanded attitude that a cone forbids is held off: plans end as near as cones let it.
     """
 
     def __init__(self, config: AttitudeMpcConfig, *, backend: str = 'auto',
@@ -66,8 +66,8 @@ class AttitudeMpc:
         """Design the terminal set, then build or load the solver (seconds at the first start).
 
         ``terminal`` is the design where the caller has it already (horizon and cones aside).
-        ``disturbed`` and ``moving`` build the solver that takes disturbance torques and references
-        at once, instead of when the first one is given.
+        ``disturbed`` and ``moving``: take disturbance torques and references without building the
+        solver again when the first one is given.
 
         Raises
         ------
@@ -101,6 +101,7 @@ class AttitudeMpc:
         self._strict = solver_within(self.terminal.c)
         self._relaxed = solver_within(NO_LEVEL) if config.terminal_constraint else self._strict
         self._cones = ConeKeeper(config, self.terminal, self._strict, self._relaxed)
+        self._wheels = WheelKeeper(config, self.terminal, {self._strict, self._relaxed})
         self._finder = PlanFinder(config, self._strict, self._relaxed, self._cones)
         if moving:
             self._set_reference(self._reference)
@@ -112,8 +113,8 @@ class AttitudeMpc:
     def solve(self, R_NB: ArrayLike, omega_BN_B: ArrayLike, R_ND: ArrayLike | None = None, *,
               disturbance_B_n_m: ArrayLike | None = None, max_solve_time_s: float | None = None,
               directions_N: Mapping[str, ArrayLike] | None = None,
-              wheel_momentum_n_m_s: ArrayLike | None = None,
-              reference: Reference | None = None) -> AttitudeMpcSolution:
+              wheel_momentum_n_m_s: ArrayLike | None = None, reference: Reference | None = None,
+              ) -> AttitudeMpcSolution:
         """Map a measured state to a plan.
 
         Arguments
@@ -128,21 +129,19 @@ class AttitudeMpc:
             Torque d (3,) that acts unasked, below the torque limits [N m]; none when None. The
             plan is made in the net torque u, which the cost weighs, with ``u - d`` within the
             limits; the torques of the solution are the commands ``u - d``. The terminal level
-            is cut by the square of ``min_i (1 - |d_i| / max_torque_i)``, so that the local law
-            keeps the limits that are left.
+            is cut by the square of ``min_i (1 - |d_i| / max_torque_i)``, for the local law.
         max_solve_time_s
             Time [s] after which no pass and no start begins: the best plan so far is the answer,
-            'feasible' instead of 'converged', or 'infeasible' when none has met every limit yet.
-            None: until it converges.
+            'feasible', or 'infeasible' when none has met every limit yet. None: no end.
         directions_N
             Directions of cones by name, now, (3,), or at every node, (N + 1, 3); those of the
             configuration for every other cone.
         wheel_momentum_n_m_s
-            Momenta (n,) of the wheels about their axes, for the solution's motor torques.
+            Momenta (n,) of the wheels, NaN for one that is not there (it keeps its last); at rest
+            when None. The solution then has motor torques.
         reference
-            Attitudes and rates of a target that moves, at every node; R_ND does not count then.
-            Its torque and rate take their share from the limits that the terminal set is
-            designed for (`terminal_share`).
+            Attitudes and rates of a target that moves, at every node, in place of R_ND. Its torque
+            and rate take their share from what the terminal set keeps (`terminal_share`).
 
         Raises
         ------
@@ -163,16 +162,16 @@ class AttitudeMpc:
         if state is None:
             self.reset()
             return failed(R_NB, omega_BN_B, self.config.horizon, time.perf_counter() - begin)
+        if self.config.wheels is not None:
+            self._cones.leave(self.terminal_share * self._wheels.hold(
+                wheel_momentum_n_m_s, self._omega, self._disturbance))
         plan, passes, searched = self._finder.find(state, deadline_s)
         answer = self._answer(plan, passes, searched, begin)
         return answer if wheel_momentum_n_m_s is None else with_wheels(
-            answer, self.config, wheel_momentum_n_m_s)
+            answer, self.config, self._wheels.working, self._wheels.momentum_n_m_s)
 
     def solve_local(self, R_NB: ArrayLike, omega_BN_B: ArrayLike) -> AttitudeMpcSolution:
-        """Map a measured state to the plan that one cold start, the short way, leads to.
-
-        This is a part of `solve`, for measuring; it may be far from the best plan.
-        """
+        """Map a measured state to the plan of one cold start, the short way; for measuring."""
         begin = time.perf_counter()
         if self._set_state(R_NB, omega_BN_B, None) is None:
             return failed(R_NB, omega_BN_B, self.config.horizon, time.perf_counter() - begin)

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from manifold_mpc_ros.config.cones import Cone
+from manifold_mpc_ros.config.wheels import Zonotope
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.lanes import aligned, blocks, copied, field_of
 from manifold_mpc_ros.mpc.library import Course, Library, LoopRecord, Solve
@@ -24,11 +25,11 @@ from manifold_mpc_ros.mpc.program import options
 from manifold_mpc_ros.mpc.program.field import Field, Memory
 from manifold_mpc_ros.mpc.program.layout import layout_of
 from manifold_mpc_ros.mpc.program.structure import Structure
-from manifold_mpc_ros.mpc.scaling import TERMINAL_LEVEL, Array
+from manifold_mpc_ros.mpc.scaling import TERMINAL_LEVEL, Array, Scaling
 from manifold_mpc_ros.mpc.stages.cone import cone_numbers
 from manifold_mpc_ros.mpc.stages.inequalities import cone_inequality, inequalities_of
 from manifold_mpc_ros.mpc.stages.reference import REFERENCE
-from manifold_mpc_ros.mpc.stages.torque_box import ShiftedTorqueBox
+from manifold_mpc_ros.mpc.stages.torque_box import ShiftedTorqueBox, TorquePolytope
 
 # A slack below this is one of an inequality that holds the plan back.
 _TOUCHED = 1e-4
@@ -229,6 +230,12 @@ class LocalSolver:
         for each in inequalities_of(self.structure):
             if isinstance(each, ShiftedTorqueBox):
                 self._global(each.data)[3:] = disturbance
+
+    def set_torques(self, torques: Zonotope, offset: Array, unit: Scaling) -> None:
+        """Set what wheels give, about an offset (3,) [N m]."""
+        for each in inequalities_of(self.structure):
+            if isinstance(each, TorquePolytope):
+                self._global(each.data)[:] = each.numbers_of(torques, offset, unit)
 
     def set_body(self, inertia: Array, torque: Array) -> None:
         """Set the body that `follow` and `advance` move: inertia (3, 3), disturbance (3,)."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.config.wheels import WheelArray
 from manifold_mpc_ros.dynamics.wheel_allocation import WheelAllocation
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.mpc.scaling import Array
@@ -77,22 +78,20 @@ def failed(R_NB: ArrayLike, omega_BN_B: ArrayLike, horizon: int, elapsed_s: floa
 
 
 def with_wheels(solution: AttitudeMpcSolution, config: AttitudeMpcConfig,
-                momentum_n_m_s: ArrayLike) -> AttitudeMpcSolution:
+                wheels: WheelArray | None, momentum_n_m_s: Array) -> AttitudeMpcSolution:
     """Return a solution with the motor torques of its first step.
 
-    As much of the torque as the wheels can give in this state, in its direction.
+    As much of the torque as wheels of momenta (n,) [N m s] can give in this state, in its
+    direction.
 
     Raises
     ------
     ConfigurationError
-        Where momenta (n,) [N m s] are not those of the configuration's wheels.
+        Without wheels.
 
     """
-    wheels, momentum = config.wheels, np.asarray(momentum_n_m_s, dtype=float)
-    size = 0 if wheels is None else len(wheels)
-    if wheels is None or momentum.shape != (size,) or not np.isfinite(momentum).all():
-        raise ConfigurationError('wheel_momentum_n_m_s', momentum_n_m_s,
-                                 f'{size} numbers, one for each of the configured wheels')
+    if wheels is None:
+        raise ConfigurationError('wheel_momentum_n_m_s', momentum_n_m_s, 'None without wheels')
     allocation = WheelAllocation(wheels, config.inertia_kg_m2, config.step_s,
-                                 solution.omega_BN_B[0], momentum, solution.torque_B_n_m)
+                                 solution.omega_BN_B[0], momentum_n_m_s, solution.torque_B_n_m)
     return replace(solution, wheel_torque_n_m=allocation.motor_torques(allocation.part()))

@@ -123,6 +123,10 @@ def closed_form_limits(problem: ManifoldProblem, covariance: Array, k: Array
         with np.errstate(divide='ignore'):  # a control that the law leaves alone has no end
             limits[problem.control_name] = float(
                 np.min(np.square(problem.control_limits) / np.diag(spread)))
+    if problem.control_facets is not None:
+        normals, bounds = problem.control_facets
+        limits[f'{problem.control_name} polytope'] = float(np.min(
+            np.square(bounds) / np.einsum('fi,ij,fj->f', normals, spread, normals)))
     if not np.isfinite(min(limits.values())):
         size = np.max(np.diag(covariance) / np.square(problem.state_units))
         limits['search'] = _FAR ** 2 / float(size)

@@ -32,6 +32,9 @@ class ManifoldProblem:
         lambda in (0, 1): the terminal design is for ``L / lambda``.
     control_limits
         Half widths (m,) of the box on psi^-1(u), inf where there is none; None for no limit.
+    control_facets
+        Normals n_f (k, m) and bounds (k,) of ``|n_f . psi^-1(u)| <= bound_f``, a polytope that is
+        a limit too; None for none.
     control_name
         What reports call that box.
     state_limits
@@ -53,6 +56,7 @@ class ManifoldProblem:
     state_units: Array
     control_units: Array
     control_limits: Array | None = None
+    control_facets: tuple[Array, Array] | None = None
     control_name: str = 'control'
     state_limits: Mapping[str, Callable[[ca.SX], ca.SX]] = field(default_factory=dict)
     existence: StepMap | None = None

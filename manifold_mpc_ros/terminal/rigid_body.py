@@ -78,6 +78,8 @@ class RigidBody:
             state_units=np.array([1.0] * errors.dimension + [self.rate_unit] * 3),
             control_units=np.full(3, self.torque_unit),
             control_limits=config.max_torque_n_m, control_name='torque',
+            control_facets=None if config.wheels is None else (
+                config.wheels.torques.normals, config.wheels.torques.bounds),
             state_limits={limit.name: self._values_of(limit, n) for limit in config.rate_limits},
             existence=lambda x, torque: self.load(x[n:], torque))
 

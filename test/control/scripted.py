@@ -51,9 +51,10 @@ class Script:
     def solve(
         self, R_NB: np.ndarray, omega_BN_B: np.ndarray, R_ND: np.ndarray | None = None, *,
         disturbance_B_n_m: np.ndarray | None = None, max_solve_time_s: float | None = None,
+        wheel_momentum_n_m_s: np.ndarray | None = None,
     ) -> AttitudeMpcSolution:
         self.budget_s = max_solve_time_s
-        self.disturbance = disturbance_B_n_m
+        self.disturbance, self.momentum = disturbance_B_n_m, wheel_momentum_n_m_s
         if self.error is not None:
             raise self.error
         self.setpoints.append(R_ND)

@@ -43,6 +43,7 @@ def test_the_planned_torque_is_realised_with_momentum_stored() -> None:
     loop.admit(SAMPLE)
     command = loop.tick(LOCKSTEP)
     assert command.mode is Mode.NOMINAL
+    assert solver.momentum is STORED
     assert command.actuation.realises(solver.torque)
     assert loop.output.saturated == 0
     # the motors give more than the torque alone asks for

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from strategies import INERTIAS, generator
 
 from manifold_mpc_ros.config.cones import Cone
+from manifold_mpc_ros.config.wheels import WheelArray
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc import search
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
@@ -29,6 +30,7 @@ from manifold_mpc_ros.mpc.stages.inequalities import inequalities_of
 
 Array = NDArray[np.float64]
 
+WHEELS = WheelArray([[1, 1, 1], [-1, 1, 1], [-1, -1, 1], [1, -1, 1], [1, 0, 0]], 0.15, 5.0)
 ODD: dict[str, Any] = {
     'inertia_kg_m2': INERTIAS['off_diagonal'], 'horizon': 6,
     'torque_weight': [[2.0, 0.3, 0.0], [0.3, 1.5, -0.2], [0.0, -0.2, 1.0]],
@@ -46,6 +48,8 @@ KINDS: dict[str, dict[str, Any]] = {
                              'rate_ellipsoid_s2': ELLIPSOID, 'max_rate_norm_rad_s': 0.7},
     'cones paper': {**LIMITED, **ODD, 'cones': CONES},
     'certified cones': {**CERTIFIED, 'horizon': 12, 'cones': CONES},
+    'wheels paper': {**LIMITED, **ODD, 'wheels': WHEELS},
+    'certified wheels': {**CERTIFIED, 'horizon': 12, 'wheels': WHEELS},
     'certified': {**CERTIFIED, 'horizon': 12},
     'certified paper': {**LIMITS, 'horizon': 12},
     'pointing': {**LIMITED, 'target': 'pointing', 'forcing': 'symmetric', 'horizon': 6},

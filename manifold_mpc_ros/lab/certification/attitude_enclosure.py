@@ -48,6 +48,7 @@ class AttitudeEnclosure:
         self._attitude = trace_hessian(config.attitude_weight)
         self.weight = block_weight(self._attitude, self.body)
         self.control_limits = config.max_torque_n_m
+        self.control_facets = None if config.wheels is None else config.wheels.torques
         self.chart_radii: Sequence[tuple[int, arb]] = (
             (3, arb.pi()), (3, arb.pi() / self.body.h))
 

@@ -143,8 +143,14 @@ def closed_form_limits(loop: ClosedLoop, P: Array, K: Array, level: float) -> di
     """Return the levels, up to the one asked for, that control box and chart provably allow."""
     inverse, gain = _inverse(P), exact(K)
     limits = {}
+    spread = gain * inverse * gain.transpose()
+    if loop.control_facets is not None:
+        limits['control polytope'] = min(
+            _below(arb(bound) * arb(bound) / (exact(normal[None]) * spread
+                                              * exact(normal[:, None]))[0, 0])
+            for normal, bound in zip(loop.control_facets.normals,
+                                     loop.control_facets.bounds.tolist()))
     if loop.control_limits is not None:
-        spread = gain * inverse * gain.transpose()
         each = [arb(bound) * arb(bound) / spread[i, i]
                 for i, bound in enumerate(np.asarray(loop.control_limits).tolist())
                 if np.isfinite(bound)]

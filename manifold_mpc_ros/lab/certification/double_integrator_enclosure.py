@@ -28,6 +28,7 @@ class DoubleIntegratorEnclosure:
         self.weight = arb_mat(2, 2, [arb(position_weight), 0, 0, arb(velocity_weight)]
                               ) + k.transpose() * k * arb(input_weight)
         self.control_limits = None if max_input is None else np.array([max_input])
+        self.control_facets = None
         self._max_velocity = max_velocity
 
     def check_cost(self) -> str | None:

@@ -18,6 +18,7 @@ import numpy as np
 from flint import arb, arb_mat
 from numpy.typing import NDArray
 
+from manifold_mpc_ros.config.wheels import Zonotope
 from manifold_mpc_ros.lab.certification.jets import Jet
 
 Array = NDArray[np.float64]
@@ -64,6 +65,10 @@ class ClosedLoop(Protocol):
     @property
     def control_limits(self) -> Array | None:
         """Half widths (m,) of the box on K xi."""
+
+    @property
+    def control_facets(self) -> Zonotope | None:
+        """The polytope that K xi is limited to as well, None for none."""
 
     @property
     def chart_radii(self) -> Sequence[tuple[int, arb]]:

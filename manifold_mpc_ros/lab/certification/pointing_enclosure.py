@@ -45,6 +45,7 @@ class PointingEnclosure:
         w = arb(config.pointing_weight)
         self.weight = block_weight(arb_mat(2, 2, [w, 0, 0, w]), self.body)
         self.control_limits = config.max_torque_n_m
+        self.control_facets = None if config.wheels is None else config.wheels.torques
         self.chart_radii: Sequence[tuple[int, arb]] = (
             (2, arb.pi()), (3, arb.pi() / self.body.h))
 

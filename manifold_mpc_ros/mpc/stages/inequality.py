@@ -73,6 +73,9 @@ class Inequality(ABC):
 class TorqueInequality(Inequality):
     """A hard limit on the torque u (3,) of a stage."""
 
+    #: Where its Hessian has more than a diagonal: entries xy, xz, yz.
+    cross: Field | None = None
+
     @abstractmethod
     def values(self, read: Read, u: ca.SX) -> ca.SX:
         """Return v (rows,)."""
@@ -88,6 +91,10 @@ class TorqueInequality(Inequality):
     @abstractmethod
     def hessian(self, read: Read, weight: ca.SX) -> ca.SX:
         """Return the diagonal (3,) of ``(dv/du)^T diag(weight) dv/du``."""
+
+    def crossed(self, read: Read, weight: ca.SX) -> dict[Field, ca.SX]:
+        """Return its entries xy, xz, yz by their field, nothing where it is diagonal."""
+        return {}
 
     @abstractmethod
     def box(self, read: Read) -> ca.SX:

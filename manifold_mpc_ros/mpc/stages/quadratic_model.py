@@ -17,6 +17,7 @@ momenta are explicit in the steps (docs/solver.md):
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import casadi as ca
@@ -34,6 +35,7 @@ from manifold_mpc_ros.mpc.stages.inequalities import (
     node_inequalities,
     of_attitude,
     torque_inequalities,
+    torque_weight,
 )
 from manifold_mpc_ros.mpc.stages.inequality import Curvature, Node, Variation
 from manifold_mpc_ros.mpc.stages.reference import excess_torque, weights
@@ -61,6 +63,7 @@ def force_phase(structure: Structure) -> Phase:
             writes[f.TORQUE_WEIGHT] = sum(each.hessian(read, b.weight) for each, b in terms)
             writes[f.PRODUCTS] = largest(*(b.slack * b.multiplier for _, b in terms))
             for each, b in terms:
+                writes |= each.crossed(read, b.weight)
                 writes[f.PULL] += each.gradient(read, b.pull)
                 writes[f.FORCE] += each.gradient(read, b.multiplier)
         return writes
@@ -137,8 +140,8 @@ def paper_node_phase(structure: Structure) -> Phase:
         limits = _limit_terms(structure, read, p)
         into, out = p.torque_hessian + limits.hessian.rate, inner * p.torque_hessian
         if torque_inequalities(structure):
-            into = into + ca.diag(read(f.TORQUE_WEIGHT, -1))
-            out = out + ca.diag(where(inner, read(f.TORQUE_WEIGHT)))
+            into = into + torque_weight(structure, read, -1)
+            out = out + torque_weight(structure, read, keep=partial(where, inner))
         after = form.momentum_derivative(turn, p.inertia)
         before = form.derivative_before(turn, after, read(f.MOMENTUM)) @ g.T
         after = after @ g.T
@@ -209,7 +212,7 @@ def symmetric_transition_phase(structure: Structure) -> Phase:
         lagrangian = turn @ form.multiplier_matrix(2 * force + costate, -costate, p.inertia)
         weight = p.torque_hessian
         if torque_inequalities(structure):
-            weight = weight + ca.diag(read(f.TORQUE_WEIGHT))
+            weight = weight + torque_weight(structure, read)
         by_control = 2 * after
         weighted = weight @ by_control
         curved = form.congruence(g.T, exact * form.left_hessian(lagrangian) @ g.T)

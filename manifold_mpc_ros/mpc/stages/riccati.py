@@ -24,7 +24,11 @@ from manifold_mpc_ros.mpc.program.structure import Structure
 from manifold_mpc_ros.mpc.scaling import unpack
 from manifold_mpc_ros.mpc.stages import step_derivatives as form
 from manifold_mpc_ros.mpc.stages.barrier import largest, most
-from manifold_mpc_ros.mpc.stages.inequalities import node_inequalities, torque_inequalities
+from manifold_mpc_ros.mpc.stages.inequalities import (
+    node_inequalities,
+    torque_inequalities,
+    torque_weight,
+)
 
 
 class _Value(NamedTuple):
@@ -173,7 +177,7 @@ def _torque_weight(structure: Structure, read: Read) -> ca.SX:
     """Return the Hessian (3, 3) of a stage's torque, barrier included."""
     weight = unpack(read(f.PARAMETER)).torque_hessian
     limited = torque_inequalities(structure)
-    return weight + ca.diag(read(f.TORQUE_WEIGHT)) if limited else weight
+    return weight + torque_weight(structure, read) if limited else weight
 
 
 def linear_phase(structure: Structure) -> Phase:

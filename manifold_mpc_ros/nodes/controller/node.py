@@ -284,8 +284,7 @@ class AttitudeControllerNode(ManagedNode):
         decrease = command.decrease
         news = (command.mode, self._setpoints, self._law,
                 decrease is not None and (decrease.verdict, bool(decrease.warning)))
-        now_s = time.monotonic()
-        said, said_s = self._said
+        now_s, (said, said_s) = time.monotonic(), self._said
         if self._config.lockstep or news != said or now_s - said_s >= DIAGNOSTICS_GAP_S:
             self._said = news, now_s
             self.publish_diagnostics()

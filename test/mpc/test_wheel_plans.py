@@ -1,0 +1,141 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Plans with reaction wheels: the polytope of what they give, about the gyroscopic torque."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from wheel_cases import INERTIA, wheels
+
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.config.wheels import WheelArray
+from manifold_mpc_ros.dynamics.wheel_allocation import WheelAllocation
+from manifold_mpc_ros.dynamics.wheel_step import wheel_step
+from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
+from manifold_mpc_ros.mpc.solution import SolveStatus
+
+ARRAY = wheels()
+BOX = ARRAY.torques.box
+REACH = 2.0 * BOX  # of the polytope along body axes
+STORED = np.array([12e-3, -9e-3, 7e-3, 5e-3])
+
+
+def make(array: WheelArray | None, max_torque_n_m: Any, **changes: Any) -> AttitudeMpc:
+    """Return the controller of a 6U."""
+    return AttitudeMpc(AttitudeMpcConfig(**{
+        'inertia_kg_m2': INERTIA, 'step_s': 1.0, 'horizon': 40, 'attitude_weight': np.eye(3),
+        'rate_weight': 2.0 * np.eye(3), 'torque_weight': 1e3 * np.eye(3),
+        'max_torque_n_m': max_torque_n_m, 'max_rate_rad_s': np.radians(4.0), 'wheels': array,
+        **changes}))
+
+
+@pytest.fixture(scope='module')
+def with_wheels() -> AttitudeMpc:
+    """Return the controller with the pyramid."""
+    return make(ARRAY, REACH)
+
+
+def half_turns(n: int) -> list[np.ndarray]:
+    """Return rotations by 180 degrees about random axes."""
+    axes = np.random.default_rng(4).normal(size=(n, 3))
+    return [so3.exp(np.pi * axis / np.linalg.norm(axis)) for axis in axes]
+
+
+def test_plans_keep_the_polytope_and_go_beyond_the_box_in_it(with_wheels: AttitudeMpc) -> None:
+    boxed, free = make(None, BOX), make(None, REACH)
+    for R in half_turns(3):
+        for each in (with_wheels, boxed, free):
+            each.reset()
+        plan, in_box, without = (each.solve(R, np.zeros(3)) for each in (
+            with_wheels, boxed, free))
+        assert plan.status == SolveStatus.CONVERGED
+        assert max(map(ARRAY.torques.gauge, plan.torques_B_n_m)) <= 1.0 + 1e-9
+        assert np.abs(plan.torques_B_n_m / BOX).max() > 1.2
+        assert max(map(ARRAY.torques.gauge, without.torques_B_n_m)) > 1.2
+        assert without.cost <= plan.cost * (1 + 1e-6)
+        assert plan.cost < in_box.cost
+
+
+def test_the_polytope_moves_with_the_gyroscopic_torque(with_wheels: AttitudeMpc) -> None:
+    R, omega = half_turns(1)[0], np.array([0.03, -0.04, 0.02])
+    gyroscopic = np.cross(omega, ARRAY.matrix @ STORED)
+    with_wheels.reset()
+    plan = with_wheels.solve(R, omega, wheel_momentum_n_m_s=STORED)
+    assert max(map(ARRAY.torques.gauge, plan.torques_B_n_m + gyroscopic)) <= 1.0 + 1e-9
+    assert max(map(ARRAY.torques.gauge, plan.torques_B_n_m)) > 1.05
+
+
+def test_a_wheel_that_is_not_reported_is_planned_without(with_wheels: AttitudeMpc) -> None:
+    three = ARRAY.without(np.array([False, False, True, False])).torques
+    for R in half_turns(2):
+        with_wheels.reset()
+        whole = with_wheels.solve(R, np.zeros(3))
+        momentum = np.array([0.0, 0.0, np.nan, 0.0])
+        plan = with_wheels.solve(R, np.zeros(3), wheel_momentum_n_m_s=momentum)
+        assert max(map(three.gauge, plan.torques_B_n_m)) <= 1.0 + 1e-9
+        assert max(map(three.gauge, whole.torques_B_n_m)) > 1.5
+        assert plan.wheel_torque_n_m is not None
+        assert plan.wheel_torque_n_m[2] == 0.0
+
+
+@pytest.mark.parametrize('fails_at', [None, 3, 12])
+def test_half_turns_with_momentum_stored_settle_within_every_limit(
+    with_wheels: AttitudeMpc, fails_at: int | None,
+) -> None:
+    """With a dead wheel less is stored: the others have to hold all of it at the end."""
+    stored = STORED if fails_at is None else 0.3 * STORED
+    R, omega, momentum = half_turns(3)[2], np.zeros(3), stored
+    with_wheels.reset()
+    for k in range(90):
+        known = momentum.copy()
+        if fails_at is not None and k >= fails_at:
+            known[1] = np.nan
+        plan = with_wheels.solve(R, omega, wheel_momentum_n_m_s=known)
+        motor = plan.wheel_torque_n_m
+        assert motor is not None
+        assert (np.abs(motor) <= ARRAY.max_torque_n_m * (1 + 1e-9)).all()
+        for _ in range(10):
+            R, omega = wheel_step(R, omega, ARRAY.axes_B.T @ momentum, ARRAY.axes_B.T @ motor,
+                                  np.zeros(3), inertia_kg_m2=INERTIA, step_s=0.1)
+            momentum = momentum + 0.1 * motor
+        assert (np.abs(momentum) <= ARRAY.max_momentum_n_m_s * (1 + 1e-9)).all()
+    assert so3.angle(R) < 1e-5
+    assert np.abs(omega).max() < 1e-6
+
+
+def test_the_terminal_set_keeps_the_polytope_and_stored_momentum_costs_some_of_it() -> None:
+    mpc = make(wheels(max_torque_n_m=1e-3), REACH, max_rate_rad_s=np.radians(20.0), step_s=0.5)
+    design = mpc.terminal
+    assert design.report.limiting == 'torque polytope'
+    root = np.linalg.cholesky(np.linalg.inv(design.P))
+    unit = np.random.default_rng(1).normal(size=(20_000, 6))
+    xi = np.sqrt(design.c) * unit / np.linalg.norm(unit, axis=1, keepdims=True) @ root.T
+    torques = mpc.config.wheels.torques  # type: ignore[union-attr]
+    reached = np.abs(xi @ design.K.T @ torques.normals.T / torques.bounds).max()
+    assert 0.9 < reached <= 1.0
+    shares = [mpc._wheels.hold(scale * STORED, np.zeros(3), np.zeros(3)) for scale in (0, 0.5, 1)]
+    assert shares[0] == 1.0
+    assert shares[0] > shares[1] > shares[2] > 0.1
+    stored = np.linalg.norm(ARRAY.matrix @ STORED)
+    xi *= shares[2] ** 0.5
+    need = np.abs(xi @ design.K.T @ torques.normals.T) + stored * np.linalg.norm(
+        xi[:, 3:], axis=1)[:, None]
+    assert (need / torques.bounds).max() <= 1.0
+
+
+def test_motor_torques_are_those_of_the_first_torque(with_wheels: AttitudeMpc) -> None:
+    R, omega = half_turns(1)[0], np.array([0.01, 0.02, -0.01])
+    with_wheels.reset()
+    plan = with_wheels.solve(R, omega, wheel_momentum_n_m_s=STORED)
+    allocation = WheelAllocation(ARRAY, INERTIA, 1.0, omega, STORED, plan.torque_B_n_m)
+    assert plan.wheel_torque_n_m is not None
+    np.testing.assert_allclose(allocation.realised(plan.wheel_torque_n_m),
+                               allocation.part() * plan.torque_B_n_m, atol=1e-15)
+    assert with_wheels.solve(R, omega).wheel_torque_n_m is None
+    with pytest.raises(ConfigurationError, match='wheel_momentum_n_m_s'):
+        with_wheels.solve(R, omega, wheel_momentum_n_m_s=np.zeros(3))
