@@ -12,6 +12,8 @@ import json
 import shutil
 import sys
 from abc import abstractmethod
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -44,8 +46,12 @@ STEP_S, INERTIA = 0.5, np.diag([1.0, 0.9, 0.6])
 FULL_SCALE = np.array([0.5, 0.4, 0.3])
 
 
-def built(cache: Path) -> Path:
-    """Return a folder with the packages, built there unless an earlier test has; importable."""
+@contextmanager
+def built(cache: Path) -> Iterator[Path]:
+    """Give a folder with the packages, built there unless an earlier test has.
+
+    They can be imported meanwhile, and not afterwards: other tests want them not installed.
+    """
     key = hashlib.sha256(json.dumps([PACKAGES, sys.version]).encode()).hexdigest()[:16]
     folder = cache / key
     if not folder.exists():
@@ -55,7 +61,12 @@ def built(cache: Path) -> Path:
             message_packages.build(unfinished, package, messages, *USED[package])
         unfinished.rename(folder)
     sys.path.insert(0, str(folder))
-    return folder
+    try:
+        yield folder
+    finally:
+        sys.path.remove(str(folder))
+        for name in [name for name in sys.modules if name.partition('.')[0] in PACKAGES]:
+            del sys.modules[name]
 
 
 class Plant:

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,18 +22,23 @@ if TYPE_CHECKING:
     from harness import Rig
 
 
-def test_four_stacks_close_the_loop_from_180_degrees(
-    rig: Rig, pytestconfig: pytest.Config,
-) -> None:
+@pytest.fixture
+def packages(pytestconfig: pytest.Config, tmp_path: Path) -> Iterator[Path]:
+    """Give the folder of the message packages, built once where pytest has a cache."""
+    cache = getattr(pytestconfig, 'cache', None)
+    with built(tmp_path if cache is None else cache.mkdir('message_packages')) as folder:
+        yield folder
+
+
+def test_four_stacks_close_the_loop_from_180_degrees(rig: Rig, packages: Path) -> None:
     """All at once on one domain: no convention, stamp or topic of one disturbs another."""
-    folder = built(Path(pytestconfig.cache.mkdir('message_packages')))
     plants = []
     for name, make in PLANTS.items():
         rig.start('controller', parameters={
             'lockstep': True, 'state_source': name, 'command_sink': name,
             'setpoint_source': name if name == 'space_station_os' else 'nav',
             'full_scale_torque_n_m': FULL_SCALE.tolist()}, remap={'__ns': f'/{name}'},
-            PYTHONPATH=str(folder))
+            PYTHONPATH=str(packages))
         plants.append(make(rig.node, f'/{name}'))
 
     def tend() -> None:
