@@ -9,7 +9,7 @@ With c = s . R b (s a direction in N, b an axis in B) a cone of half angle theta
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,6 +23,8 @@ KINDS = ('keep_out', 'keep_in')
 # Attitudes that are tried to see whether cones leave any, and how many of them are improved.
 _GRID, _REFINED = 2000, 8
 _REPEATED = 5
+#: Cones in a group at most.
+MOST_MEMBERS = 4
 _VALID_ANGLE = 'an angle above 0 and below pi rad (180 degrees)'
 
 
@@ -49,6 +51,8 @@ class Cone:
         Half angle theta, above 0 and below pi [rad].
     kind
         'keep_out' or 'keep_in'.
+    group
+        Name of a group of keep-in cones of which any one has to be kept; None: by itself.
 
     Raises
     ------
@@ -62,6 +66,7 @@ class Cone:
     direction_N: FloatArray
     half_angle_rad: float
     kind: str = 'keep_out'
+    group: str | None = None
 
     def __post_init__(self) -> None:
         """Check every field."""
@@ -76,6 +81,10 @@ class Cone:
             raise ConfigurationError(key, angle, _VALID_ANGLE)
         object.__setattr__(self, 'half_angle_rad', angle)
         checks.choice(f'cones.{self.name}.kind', self.kind, KINDS)
+        if self.group is not None and (not isinstance(self.group, str) or not self.group
+                                       or self.kind != 'keep_in'):
+            raise ConfigurationError(f'cones.{self.name}.group', self.group,
+                                     'no group, or the name of a group of keep_in cones')
 
     @property
     def sign(self) -> float:
@@ -115,7 +124,7 @@ class Cone:
                 f'moves by up to {moved + sum(between):.3g} in cosine; less with a shorter step_s '
                 'or lower limits)')
         angle = float(np.arccos(self.sign * bound))
-        return Cone(self.name, self.axis_B, self.direction_N, angle, self.kind)
+        return replace(self, half_angle_rad=angle)
 
 
 def unique_cones(key: str, value: Any) -> tuple[Cone, ...]:
@@ -124,7 +133,45 @@ def unique_cones(key: str, value: Any) -> tuple[Cone, ...]:
     names = [each.name for each in given if isinstance(each, Cone)]
     if len(names) < len(given) or len(set(names)) < len(names):
         raise ConfigurationError(key, value, 'cones (Cone) with names of their own')
+    for group, members in groups(given).items():
+        if not 1 < len(members) <= MOST_MEMBERS:
+            raise ConfigurationError(f'cones.{members[0].name}.group', group,
+                                     f'a group of 2 to {MOST_MEMBERS} cones')
     return given
+
+
+def groups(given: Sequence[Cone]) -> dict[str, list[Cone]]:
+    """Return the members of each group, in order."""
+    names = dict.fromkeys(each.group for each in given if each.group is not None)
+    return {name: [each for each in given if each.group == name] for name in names}
+
+
+def joined(given: Sequence[Cone], margins: FloatArray) -> dict[str, FloatArray]:
+    """Map the margins (n, ...) of cones to those that have to be kept, by name.
+
+    Of a cone by itself its own, of a group that of its best member.
+    """
+    own = {each.name: margins[i] for i, each in enumerate(given) if each.group is None}
+    return own | {name: np.max([margins[i] for i, each in enumerate(given)
+                                if each.group == name], axis=0) for name in groups(given)}
+
+
+def tightened(given: Sequence[Cone], between: Between, moved: Sequence[float]
+              ) -> tuple[Cone, ...]:
+    """Map cones to those that, kept at samples, keep them between: docs/theory.md (23), (25)."""
+    wide = {name: 1.0 + min(np.cos(each.half_angle_rad) for each in members)
+            for name, members in groups(given).items()}
+    kept = []
+    for each, shift in zip(given, moved):
+        if each.group is None:
+            kept.append(each.tightened(between, shift))
+            continue
+        part = 1.0 - (sum(between) + max(moved)) / wide[each.group]
+        bound = (1.0 + np.cos(each.half_angle_rad)) / part - 1.0 if part > 0.0 else 1.0
+        if bound >= 1.0:
+            each.tightened(Between(2.0, 0.0))  # raises: nothing is left
+        kept.append(replace(each, half_angle_rad=float(np.arccos(bound))))
+    return tuple(kept)
 
 
 def cone_names(values: Mapping[str, Any]) -> list[str]:
@@ -136,7 +183,8 @@ def cones_from(values: Mapping[str, Any]) -> tuple[Cone, ...]:
     """Return the cones that a controller's checked parameters describe."""
     return tuple(Cone(
         name, values[f'cones.{name}.axis_B'], values[f'cones.{name}.direction_N'],
-        float(np.radians(values[f'cones.{name}.half_angle_deg'])), values[f'cones.{name}.kind'])
+        float(np.radians(values[f'cones.{name}.half_angle_deg'])), values[f'cones.{name}.kind'],
+        None if values[f'cones.{name}.group'] == 'none' else values[f'cones.{name}.group'])
         for name in cone_names(values))
 
 
@@ -156,11 +204,11 @@ def check_target(given: Sequence[Cone], key: str, target: str) -> None:
         With the angle that is missing.
 
     """
-    for each in given:
-        margin = float(each.margins_rad(np.eye(3)))
+    margins = np.array([each.margins_rad(np.eye(3)) for each in given]).reshape(len(given))
+    for name, margin in joined(given, margins).items():
         if margin < 0.0:
             raise ConfigurationError(
-                key, target, f'a target that the cone {each.name!r} allows '
+                key, target, f'a target that the cone {name!r} allows '
                 f'({np.degrees(-margin):.3g} degrees are missing, between samples included)')
 
 
@@ -197,7 +245,8 @@ def best_margin_rad(given: Sequence[Cone]) -> float:
     than the attitude turns.
     """
     def least(R_NB: FloatArray) -> FloatArray:
-        return np.min([each.margins_rad(R_NB) for each in given], axis=0)
+        margins = np.array([each.margins_rad(R_NB) for each in given])
+        return np.min(list(joined(given, margins).values()), axis=0)
 
     R = so3.spiral_rotations(_GRID)
     best = R[np.argsort(-least(R))[:_REFINED]]

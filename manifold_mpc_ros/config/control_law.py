@@ -20,6 +20,7 @@ from manifold_mpc_ros.config.cones import (
     best_margin_rad,
     between_samples,
     cones_from,
+    tightened,
     unique_cones,
 )
 from manifold_mpc_ros.config.parameter import (
@@ -234,7 +235,8 @@ class AttitudeMpcConfig:
     @property
     def kept_cones(self) -> tuple[Cone, ...]:
         """The cones that, kept at every sample, are kept between samples."""
-        return tuple(each.tightened(self.between_samples) for each in self.cones)
+        return tightened(self.cones, self.between_samples, [0.0] * len(self.cones)) \
+            if self.cones else ()
 
     def _check_cones(self) -> None:
         """Refuse cones that no attitude keeps together."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from manifold_mpc_ros.config.cone_parameters import CONE_PARAMETERS
 from manifold_mpc_ros.config.interfaces import ACTUATORS
 from manifold_mpc_ros.config.parameter import ParameterSpec
 from manifold_mpc_ros.config.wheel_motors import MOTOR_PARAMETERS
@@ -66,30 +67,6 @@ def _weight(name: str, default: list[float], description: str, unit: str) -> Par
     return ParameterSpec(f'mpc.{name}', 'floats', default, description, unit=unit,
                          lengths=(3, 9), required=True)
 
-
-#: Parameters of a cone, below ``cones.NAME``.
-CONE_PARAMETERS = (
-    ParameterSpec(
-        'axis_B', 'floats', [0.0, 0.0, 1.0], 'body axis', unit='1', lengths=(3,), required=True),
-    ParameterSpec(
-        'half_angle_deg', 'float', 30.0, 'half angle', unit='deg', low=0.001, high=179.999,
-        required=True),
-    ParameterSpec(
-        'kind', 'str', 'keep_out', 'whether the axis stays out of the cone, or in it',
-        choices=('keep_out', 'keep_in')),
-    ParameterSpec(
-        'direction_N', 'floats', [1.0, 0.0, 0.0],
-        'axis of the cone in inertial axes; with a topic, until its first message', unit='1',
-        lengths=(3,), required=True),
-    ParameterSpec(
-        'direction_topic', 'str', 'none',
-        'topic that brings the direction, geometry_msgs/Vector3Stamped (none: it is fixed)',
-        read_only=True),
-    ParameterSpec(
-        'direction_timeout_s', 'float', 60.0,
-        'age above which a direction of the topic is stale: the last one holds, with a warning',
-        unit='s', low=0.0, high=1e9),
-)
 
 CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
     replace(_INERTIA, read_only=False),

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from manifold_mpc_ros.config.cones import directions
+from manifold_mpc_ros.config.cones import directions, tightened
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.mpc import search
 from manifold_mpc_ros.mpc.local_solver import LocalSolver, Plan
@@ -29,7 +29,8 @@ class ConeKeeper:
         self._strict, self._relaxed = strict, relaxed
         self._unit, self._spread = scaling_of(config).cost, spread(config, terminal.P)
         self._ways = Ways(config) if config.cones else None
-        self._R_ND, self._directions_N, self._margins = np.eye(3), np.zeros(0), np.zeros(0)
+        self._R_ND, self._directions_N = np.eye(3), np.zeros(0)
+        self._margins: dict[str, float] = {}
         self._kept = config.kept_cones
         self._level, self._share = terminal.c, 1.0
         #: Whether the cones leave the target a terminal set.
@@ -45,8 +46,7 @@ class ConeKeeper:
         if np.array_equal(given, self._directions_N):
             return
         steps = np.linalg.norm(np.diff(given, axis=0), axis=-1).max(axis=0)
-        self._kept = tuple(each.tightened(config.between_samples, moved)
-                           for each, moved in zip(config.cones, steps.tolist()))
+        self._kept = tightened(config.cones, config.between_samples, steps.tolist())
         self._directions_N = given
         for solver in {self._strict, self._relaxed}:
             solver.set_cones(self._kept, given)
@@ -75,8 +75,8 @@ class ConeKeeper:
 
     @property
     def target_margins_rad(self) -> dict[str, float]:
-        """By which angle the target keeps each cone [rad]; negative: it is missing."""
-        return {each.name: float(m) for each, m in zip(self._kept, self._margins)}
+        """By which angle the target keeps each cone or group [rad]; negative: missing."""
+        return self._margins
 
     def search(self, solver: LocalSolver, best: Plan | None, pool: Sequence[Plan],
                deadline_s: float) -> tuple[Plan | None, int]:

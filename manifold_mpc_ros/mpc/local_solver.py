@@ -26,8 +26,8 @@ from manifold_mpc_ros.mpc.program.field import Field, Memory
 from manifold_mpc_ros.mpc.program.layout import layout_of
 from manifold_mpc_ros.mpc.program.structure import Structure
 from manifold_mpc_ros.mpc.scaling import TERMINAL_LEVEL, Array, Scaling
-from manifold_mpc_ros.mpc.stages.cone import cone_numbers
-from manifold_mpc_ros.mpc.stages.inequalities import cone_inequality, inequalities_of
+from manifold_mpc_ros.mpc.stages.cone import AIM
+from manifold_mpc_ros.mpc.stages.inequalities import cone_inequalities, inequalities_of
 from manifold_mpc_ros.mpc.stages.reference import REFERENCE
 from manifold_mpc_ros.mpc.stages.torque_box import ShiftedTorqueBox, TorquePolytope
 
@@ -165,11 +165,11 @@ class LocalSolver:
 
     def set_cones(self, kept: Sequence[Cone], directions_N: Array) -> None:
         """Set the cones that nodes keep, and their directions at every node, (N + 1, n, 3)."""
-        cones = cone_inequality(self.structure)
-        assert cones is not None
-        self._global(cones.data)[:] = cone_numbers(kept)
-        self._set_nodes(cones.aim, np.tile((1.0, 0.0, 0.0, 0.0), (self.horizon + 1, 1)))
-        self._set_nodes(cones.direction_N, directions_N.reshape(self.horizon + 1, -1))
+        for each in cone_inequalities(self.structure):
+            self._global(each.data)[:] = each.numbers_of(kept)
+            self._set_nodes(each.direction_N, directions_N[:, each.places(kept)].reshape(
+                self.horizon + 1, -1))
+        self._set_nodes(AIM, np.tile((1.0, 0.0, 0.0, 0.0), (self.horizon + 1, 1)))
 
     def set_reference(self, numbers: Array) -> None:
         """Set the reference that costs are about, at every node (N + 1, 14)."""
@@ -177,11 +177,9 @@ class LocalSolver:
 
     def begin_way(self, mu: float, aims: Array) -> None:
         """Start from the slew law towards what it aims at, stage by stage (N + 1, 4)."""
-        cones = cone_inequality(self.structure)
-        assert cones is not None
-        self._set_nodes(cones.aim, aims)
+        self._set_nodes(AIM, aims)
         self.begin_slew(mu, np.zeros(3), 0)
-        self._set_nodes(cones.aim, np.tile((1.0, 0.0, 0.0, 0.0), (self.horizon + 1, 1)))
+        self._set_nodes(AIM, np.tile((1.0, 0.0, 0.0, 0.0), (self.horizon + 1, 1)))
 
     @property
     def attitude(self) -> Array:
@@ -190,8 +188,8 @@ class LocalSolver:
 
     def touches_cone(self, plan: Plan) -> bool:
         """Return whether a cone holds a plan back at some node."""
-        cones = cone_inequality(self.structure)
-        return cones is not None and float(plan.field(cones.slack)[1:].min()) < _TOUCHED
+        return any(float(plan.field(each.slack)[1:].min()) < _TOUCHED
+                   for each in cone_inequalities(self.structure))
 
     def _set_nodes(self, field: Field, values: Array) -> None:
         """Write a field of the model at every node (N + 1, size); beyond them the last again."""

@@ -19,7 +19,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from manifold_mpc_ros.config.cones import Cone
+from manifold_mpc_ros.config.cones import Cone, joined
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.scaling import Array
@@ -81,16 +81,17 @@ class Ways:
         Each is what the slew law of a start aims at, stage by stage: quaternions (N + 1, 4).
         """
         margins = self._margins(cones, directions, _grid().attitudes)
-        first = self._shortest(margins.min(axis=0) < 0.0, start)
+        barred = self._least(cones, margins) < 0.0
+        first = self._shortest(barred, start)
         ways = [first]
-        near = [i for i, cone in enumerate(cones)
-                if self._margins([cone], directions[:, i:i + 1], first).min() < _NEAR]
+        near = [i for i, cone in enumerate(cones) if cone.group is None
+                and self._margins([cone], directions[:, i:i + 1], first).min() < _NEAR]
         for count in range(1, len(near[:_WALLED]) + 1):
             for chosen in itertools.combinations(near[:_WALLED], count):
                 walls = [self._wall(cones[i], directions[0, i], first, margins[i])
                          for i in chosen]
                 ways.append(self._shortest(
-                    (margins.min(axis=0) < 0.0) | np.any(walls, axis=0), start))
+                    barred | np.any(walls, axis=0), start))
         lengths = [self._length(way) for way in ways]
         return [self._timed(self._straightened(cones, directions, way))
                 for way, length in zip(ways, lengths) if length <= _LONGEST * lengths[0]]
@@ -100,6 +101,11 @@ class Ways:
         """Return the least margin (n, m) of each cone over its directions."""
         return np.array([np.min([cone.margins_rad(attitudes, s) for s in directions[:, i]], axis=0)
                          for i, cone in enumerate(cones)])
+
+    @staticmethod
+    def _least(cones: Sequence[Cone], margins: Array) -> Array:
+        """Return the least margin (m) of those that have to be kept."""
+        return np.asarray(np.min(list(joined(cones, margins).values()), axis=0))
 
     def _length(self, way: Array) -> float:
         """Return how long a way (k, 3, 3) is."""
@@ -117,7 +123,7 @@ class Ways:
         beside = azimuth(_grid().attitudes) - azimuth(passed[None])
         return (np.cos(beside) > np.cos(_SECTOR)) & (margins < _REACH)
 
-    def _shortest(self, barred: Array, start: Array) -> Array:
+    def _shortest(self, barred: np.ndarray, start: Array) -> Array:
         """Return the shortest way (k, 3, 3) from an attitude to the target."""
         grid, n = _grid(), _ATTITUDES
         lengths = np.linalg.norm(grid.turns @ self._measure, axis=1)
@@ -165,7 +171,8 @@ class Ways:
         parts = np.linspace(0.0, 1.0, 9)[1:, None, None]
         while at < last:
             steps = way[at] @ so3.exp(parts * _turns(way[at], way[at + 1:]))
-            clear = (self._margins(cones, directions, steps).min(axis=0) >= -0.02).all(axis=0)
+            margins = self._margins(cones, directions, steps)
+            clear = (self._least(cones, margins) >= -0.02).all(axis=0)
             seen = np.flatnonzero(clear)
             at += 1 + (int(seen[-1]) if len(seen) else 0)
             corners.append(way[at])

@@ -9,13 +9,13 @@ eigenvalue (docs/theory.md, section 13).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from manifold_mpc_ros.config.cones import Cone
+from manifold_mpc_ros.config.cones import Cone, joined
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.errors import DesignError
 from manifold_mpc_ros.terminal.design import TerminalDesign
@@ -27,8 +27,8 @@ LEAST_PART = 1e-4
 
 
 def target_margins_rad(config: AttitudeMpcConfig, kept: Sequence[Cone], R_ND: Any = None,
-                       directions_N: Any = None) -> Array:
-    """Return by which angle a target keeps each cone [rad], (n,), over directions (k, n, 3).
+                       directions_N: Any = None) -> dict[str, float]:
+    """Return by which angle a target keeps each cone or group [rad], over directions (k, n, 3).
 
     A pointing target leaves the roll free: cones of other axes than its own do not count (inf).
     """
@@ -36,8 +36,9 @@ def target_margins_rad(config: AttitudeMpcConfig, kept: Sequence[Cone], R_ND: An
     s = np.array([[each.direction_N for each in kept]]) if directions_N is None else directions_N
     counts = [config.target == 'attitude'
               or abs(float(config.pointing_axis_B @ each.axis_B)) > 1.0 - 1e-12 for each in kept]
-    return np.array([float(each.margins_rad(R, s[:, i]).min()) if counts[i] else np.inf
-                     for i, each in enumerate(kept)])
+    margins = np.array([each.margins_rad(R, s[:, i]) if counts[i] else np.full(len(s), np.inf)
+                        for i, each in enumerate(kept)])
+    return {name: float(np.min(each)) for name, each in joined(kept, margins).items()}
 
 
 def spread(config: AttitudeMpcConfig, P: Array) -> float:
@@ -46,9 +47,9 @@ def spread(config: AttitudeMpcConfig, P: Array) -> float:
     return float(np.linalg.eigvalsh(np.linalg.inv(P)[:errors, :errors])[-1])
 
 
-def cut_level(level: float, margins: Array, spread: float) -> float:
+def cut_level(level: float, margins: Mapping[str, float], spread: float) -> float:
     """Return the largest level up to one at which every margin is kept; 0 where none is left."""
-    least = float(margins.min(initial=np.inf))
+    least = min(margins.values(), default=np.inf)
     cut = min(level, SAFETY * max(least, 0.0) ** 2 / spread)
     return cut if cut >= LEAST_PART * level else 0.0
 
@@ -67,13 +68,13 @@ def cut_design(config: AttitudeMpcConfig, design: TerminalDesign) -> TerminalDes
     margins, wide = target_margins_rad(config, kept), spread(config, design.P)
     level = cut_level(design.c, margins, wide)
     if level == 0.0:
-        worst = int(np.argmin(margins))
+        worst = min(margins, key=lambda name: margins[name])
         missing = (LEAST_PART * design.c * wide / SAFETY) ** 0.5 - margins[worst]
         raise DesignError(
-            f'the target is in, or too near to, what the cone {kept[worst].name!r} forbids: '
+            f'the target is in, or too near to, what the cone {worst!r} forbids: '
             f'{np.degrees(missing):.3g} degrees are missing')
     limits = design.report.limits | {
-        f'cone {each.name}': float(margin) ** 2 / wide for each, margin in zip(kept, margins)}
+        f'cone {name}': margin ** 2 / wide for name, margin in margins.items()}
     limiting = min(limits, key=lambda name: limits[name])
     return replace(design, c=level, report=replace(
         design.report, level=level, limits=limits, limiting=limiting))

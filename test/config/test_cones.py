@@ -18,6 +18,7 @@ from manifold_mpc_ros.config.cones import (
     best_margin_rad,
     between_samples,
     directions,
+    tightened,
 )
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.controller import ControllerConfig
@@ -39,6 +40,7 @@ SUN: dict[str, Any] = {'name': 'sun', 'axis_B': (2.0, 0.0, 0.0), 'direction_N': 
     ({'half_angle_rad': 'wide'}, 'cones.sun.half_angle_rad'),
     ({'kind': 'keep_near'}, 'cones.sun.kind'),
     ({'name': 'the sun'}, 'cones.names'),
+    ({'group': 'sensors'}, 'cones.sun.group'),
 ])
 def test_what_is_no_cone_is_named(changes: dict[str, Any], key: str) -> None:
     with pytest.raises(ConfigurationError, match=f'^{re.escape(key)}: '):
@@ -48,6 +50,7 @@ def test_what_is_no_cone_is_named(changes: dict[str, Any], key: str) -> None:
 @pytest.mark.parametrize(('changes', 'expected'), [
     ({'cones': [Cone(**SUN), Cone(**SUN)]}, 'names of their own'),
     ({'cones': ['sun']}, 'names of their own'),
+    ({'cones': [Cone(**{**SUN, 'kind': 'keep_in', 'group': 'alone'})]}, 'a group of 2 to 4'),
     ({'max_torque_n_m': None}, 'limits on torque and rate'),
     ({'max_rate_rad_s': (0.6, np.inf, 0.6)}, 'limits on torque and rate'),
     ({'cones': [Cone(**{**SUN, 'half_angle_rad': 3.1})]}, 'leaves some direction allowed'),
@@ -160,3 +163,24 @@ def test_a_first_setpoint_in_a_cone_is_refused_with_the_angle_that_is_missing() 
     with pytest.raises(ConfigurationError, match=r'^initial_setpoint: .*degrees are missing'):
         ControllerConfig.from_parameters(given)
     assert ControllerConfig.from_parameters({**given, 'initial_setpoint': 'hold'}).mpc.cones
+
+
+def test_the_mean_of_a_group_is_no_more_than_its_best_member() -> None:
+    """So a plan that keeps the mean keeps a cone, and one of a group is as if it were alone."""
+    rng = generator('group')
+    shares = rng.uniform(0.0, 2.0, size=(1000, 3))
+    mean = np.mean(shares ** 32, axis=1) ** (1 / 32)
+    assert (mean <= shares.max(axis=1)).all()
+    assert (mean >= 0.96 * shares.max(axis=1)).all()
+
+
+def test_members_of_a_group_are_tightened_together() -> None:
+    between = Between(0.01, 0.005)
+    given = [Cone(name, (1, 0, 0), (0, 0, 1), angle, 'keep_in', 'any')
+             for name, angle in (('a', 1.0), ('b', 1.5))]
+    kept = tightened(given, between, [0.0, 0.0])
+    worst = 1.0 - sum(between) / (1.0 + np.cos(kept[1].half_angle_rad))
+    for one, other in zip(given, kept):
+        assert (1.0 + np.cos(other.half_angle_rad)) * worst >= 1.0 + np.cos(one.half_angle_rad)
+    with pytest.raises(ConfigurationError, match=r'cones\.a\.half_angle_rad'):
+        tightened(given, Between(0.9, 0.2), [0.0, 0.0])

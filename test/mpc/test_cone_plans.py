@@ -62,6 +62,34 @@ def test_plans_keep_them_at_every_instant_and_would_break_them(controller: Make)
     assert broken >= 4
 
 
+def test_any_one_of_a_group_is_kept_at_every_instant(controller: Make) -> None:
+    """One of two sensors sees the Sun all the way; by itself the slew leaves both in the dark."""
+    sensors = tuple(Cone(name, axis, (0.3, 1.0, 0.4), 0.95, 'keep_in', 'sun') for name, axis in (
+        ('y', (0.0, 1.0, 0.0)), ('x', (1.0, 0.0, 0.0))))
+    mpc, free = controller(**SLOW, cones=sensors), controller(**SLOW)
+
+    def seen(cones: tuple[Cone, ...], attitudes: Array) -> float:
+        return float(np.max([cone.margins_rad(attitudes) for cone in cones], axis=0).min())
+
+    fine = configuration(**{**SLOW, 'step_s': 0.05, 'rate_weight': np.eye(3)})
+    switched, broken = 0, 0
+    for R in so3.exp([[-1.62, -1.41, -0.59], [-2.8, -1.02, -0.1], [-0.44, 2.73, 0.0]]):
+        mpc.reset()
+        free.reset()
+        plan, without = mpc.solve(R, np.zeros(3)), free.solve(R, np.zeros(3))
+        assert plan.status == SolveStatus.CONVERGED
+        omega, lowest = np.zeros(3), np.inf
+        for tau in plan.torques_B_n_m:
+            for _ in range(10):
+                R, omega = advance(fine, R, omega, tau)
+                lowest = min(lowest, seen(sensors, R[None]))
+        assert lowest >= 0.0
+        switched += sensors[0].margins_rad(plan.R_NB).min() < 0
+        broken += seen(sensors, without.R_NB) < -0.05
+    assert switched >= 2
+    assert broken == 3
+
+
 def test_a_far_cone_changes_nothing_but_rounding(controller: Make) -> None:
     also = Cone('also', (1.0, 0.0, 0.0), (1.0, 0.0, 0.0), 3.0, 'keep_in')
     wide, free = controller(**SLOW, cones=(FAR, also)), controller(**SLOW)

@@ -38,6 +38,8 @@ ODD: dict[str, Any] = {
 ELLIPSOID = [[4.0, 0.5, 0.0], [0.5, 5.0, -0.3], [0.0, -0.3, 6.0]]
 CONES = (Cone('sun', (1.0, 0.2, 0.0), (-0.3, 1.0, 0.1), 0.6),
          Cone('sensor', (0.0, 0.3, 1.0), (0.2, -0.1, 1.0), 1.4, 'keep_in'))
+GROUP = tuple(Cone(name, axis, (1.0, 0.3, -0.5), 1.3, 'keep_in', 'any') for name, axis in (
+    ('one', (0.0, 1.0, 0.2)), ('other', (1.0, -1.0, 0.0))))
 KINDS: dict[str, dict[str, Any]] = {
     'free paper': {**REFERENCE, **ODD},
     'free symmetric': {**REFERENCE, **ODD, 'forcing': 'symmetric'},
@@ -46,7 +48,7 @@ KINDS: dict[str, dict[str, Any]] = {
     'ellipsoid paper': {**LIMITED, **ODD, 'rate_ellipsoid_s2': ELLIPSOID},
     'ellipsoids symmetric': {**LIMITED, **ODD, 'forcing': 'symmetric', 'max_rate_rad_s': None,
                              'rate_ellipsoid_s2': ELLIPSOID, 'max_rate_norm_rad_s': 0.7},
-    'cones paper': {**LIMITED, **ODD, 'cones': CONES},
+    'cones paper': {**LIMITED, **ODD, 'cones': (*CONES, *GROUP)},
     'certified cones': {**CERTIFIED, 'horizon': 12, 'cones': CONES},
     'wheels paper': {**LIMITED, **ODD, 'wheels': WHEELS},
     'certified wheels': {**CERTIFIED, 'horizon': 12, 'wheels': WHEELS},

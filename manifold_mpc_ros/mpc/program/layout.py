@@ -23,7 +23,8 @@ class Layout:
         own = (field for inequality in inequalities_of(structure) for field in inequality.fields)
         self._first: dict[Field, int] = {}
         self._rows = dict.fromkeys(Memory, 0)
-        for field in (*_COMMON, *own, *([REFERENCE] if structure.moving else [])):
+        moving = [REFERENCE] if structure.moving else []
+        for field in dict.fromkeys((*_COMMON, *own, *moving)):  # some are shared
             self._first[field] = self._rows[field.memory]
             self._rows[field.memory] += field.size
 

@@ -20,7 +20,7 @@ from manifold_mpc_ros.mpc.stages import (
     terminal,
 )
 from manifold_mpc_ros.mpc.stages.cone import direction_phases
-from manifold_mpc_ros.mpc.stages.inequalities import cone_inequality, torque_inequalities
+from manifold_mpc_ros.mpc.stages.inequalities import cone_inequalities, torque_inequalities
 
 
 class Program(NamedTuple):
@@ -55,7 +55,7 @@ def program_of(structure: Structure) -> Program:
     gather, begin_terminal = merit.gather_phase(s), initial_guess.begin_terminal_phase(s)
     reach = (riccati.largest_reach_phase(),) if torque_inequalities(s) else ()
     return Program(
-        set_state=(initial_state.set_state_phase(s), *direction_phases(cone_inequality(s))),
+        set_state=(initial_state.set_state_phase(s), *direction_phases(cone_inequalities(s))),
         slew=(initial_guess.slew_phase(s),),
         shift=(initial_guess.shift_phase(s), initial_guess.local_phase(s)),
         cold=(initial_guess.cold_node_phase(s), initial_guess.cold_stage_phase(s),

@@ -14,7 +14,7 @@ from manifold_mpc_ros.mpc.program import fields as f
 from manifold_mpc_ros.mpc.program.phase import Read
 from manifold_mpc_ros.mpc.program.structure import Structure
 from manifold_mpc_ros.mpc.stages.barrier import join
-from manifold_mpc_ros.mpc.stages.cone import ConeInequality
+from manifold_mpc_ros.mpc.stages.cone import AnyOf2, AnyOf3, AnyOf4, ConeInequality
 from manifold_mpc_ros.mpc.stages.inequality import (
     Inequality,
     NodeInequality,
@@ -27,7 +27,8 @@ from manifold_mpc_ros.mpc.stages.terminal_level import TerminalLevel
 from manifold_mpc_ros.mpc.stages.torque_box import ShiftedTorqueBox, TorqueBox, TorquePolytope
 
 KINDS: tuple[type[Inequality], ...] = (
-    TorqueBox, TorquePolytope, RateBox, RateEllipsoid, ConeInequality, TerminalLevel)
+    TorqueBox, TorquePolytope, RateBox, RateEllipsoid, ConeInequality, AnyOf2, AnyOf3, AnyOf4,
+    TerminalLevel)
 #: What takes the place of a kind where a disturbance torque acts.
 DISTURBED: dict[type[Inequality], type[Inequality]] = {TorqueBox: ShiftedTorqueBox}
 
@@ -92,10 +93,9 @@ def terminal_level(structure: Structure) -> TerminalLevel | None:
                  if isinstance(each, TerminalLevel)), None)
 
 
-def cone_inequality(structure: Structure) -> ConeInequality | None:
-    """Return that of the cones, None without any."""
-    return next((each for each in inequalities_of(structure)
-                 if isinstance(each, ConeInequality)), None)
+def cone_inequalities(structure: Structure) -> tuple[ConeInequality, ...]:
+    """Return those of cones and of their groups."""
+    return tuple(each for each in inequalities_of(structure) if isinstance(each, ConeInequality))
 
 
 def of_attitude(structure: Structure) -> bool:

@@ -25,9 +25,10 @@ from manifold_mpc_ros.mpc.scaling import Parameters, unpack
 from manifold_mpc_ros.mpc.stages import merit
 from manifold_mpc_ros.mpc.stages import step_derivatives as form
 from manifold_mpc_ros.mpc.stages.barrier import elastic_start, product
+from manifold_mpc_ros.mpc.stages.cone import AIM
 from manifold_mpc_ros.mpc.stages.implicit_step import implicit_step
 from manifold_mpc_ros.mpc.stages.inequalities import (
-    cone_inequality,
+    cone_inequalities,
     node_inequalities,
     rate_box,
     rate_inequalities,
@@ -67,15 +68,15 @@ def slew_torque(structure: Structure, q: ca.SX, omega: ca.SX, p: Parameters, rea
     """Map (q, omega) to a torque: the local law with its rate capped for braking, or a lean."""
     lean, max_torque = read(f.LEAN), torque_box(structure, read)
     by_angle, by_rate = p.terminal_gain[:, 0:3], p.terminal_gain[:, 3:6]
-    cones, straight = cone_inequality(structure), ca.SX(1)
-    if cones is not None:
-        aim = read(cones.aim)
+    cones, straight = cone_inequalities(structure), ca.SX(1)
+    if cones:
+        aim = read(AIM)
         straight = aim[0] == 1
         q = quaternion_product(ca.vertcat(aim[0], -aim[1:4]), q)
     error = _continuous_log(q)
     if structure.pointing:
         error = ca.if_else(straight, error_vector(q, True, p), error)
-        if cones is not None:  # the way to an aim has a roll, which the gain does not see
+        if cones:  # the way to an aim has a roll, which the gain does not see
             by_angle += ca.trace(by_angle) / 2 * p.pointing_axis @ p.pointing_axis.T
         if max_torque is None:
             aside = ca.norm_2(error) * lean
