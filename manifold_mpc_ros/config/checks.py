@@ -61,7 +61,8 @@ def integer(key: str, value: object, low: int) -> int:
 def boolean(key: str, value: object) -> bool:
     """Return ``value`` as a bool; 0, 1 and text are refused."""
     if not isinstance(value, (bool, np.bool_)):
-        raise ConfigurationError(key, value, 'true or false')
+        quoted = ' without quotes' if str(value) in ('true', 'false') else ''
+        raise ConfigurationError(key, value, f'true or false{quoted}')
     return bool(value)
 
 

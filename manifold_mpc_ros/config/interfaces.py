@@ -32,9 +32,9 @@ ACTUATORS = {'torque': 'manifold_mpc_ros.control.torque_actuator:TorqueActuator'
 #: What the controller subscribes to and the simulator publishes with ``actuators.kind: wheels``.
 WHEEL_STATES = ('wheel_states', 'sensor_msgs/msg/JointState', 'speeds of wheels [rad/s]')
 
-#: What each lifecycle node publishes and subscribes to with ``bond_period_s``.
-#: What every node says of itself, latched.
+#: What every node says of itself.
 DESCRIPTION = ('~/description', 'std_msgs/msg/String', 'parameters, versions; latched')
+#: What each lifecycle node publishes and subscribes to with ``bond_period_s``.
 BOND = ('bond', 'bond/msg/Status', 'heartbeats, with bond_period_s')
 
 
