@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+import time
 
 import numpy as np
 
@@ -116,6 +117,9 @@ class PlanFinder:
         free, more = self._search(self._relaxed, state)
         passes += more
         if free is None or self._reaches_set(free):
+            return free, passes
+        if time.monotonic() > self._deadline_s:
+            self.inside = False
             return free, passes
         plan, more = self._bend(free, steps)
         self.inside = plan is not None
