@@ -12,6 +12,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
+from manifold_mpc_ros.config.cones import Cone
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.lab.certification.certification import certify_problem, default_margin
 from manifold_mpc_ros.lab.certification.certify import Proof, bounding_box, prove
@@ -66,6 +67,18 @@ def test_small_terminal_sets_are_certified(changes: dict[str, Any]) -> None:
         'ni,ij,nj->n', states, certificate.P, states))[:, None]
     decrease = LocalLoop(problem_of(config), certificate.P, certificate.K).decrease(states)
     assert decrease.max() < -certificate.margin
+
+
+def test_a_cone_that_cuts_the_set_is_proved_and_a_wider_one_is_not() -> None:
+    sun = Cone('sun', (1.0, 0.0, 0.0), (0.8, 0.6, 0.0), 0.58)
+    config = configuration(max_rate_rad_s=0.2, cones=(sun,))
+    kind, values = describe(config)
+    design = terminal_design(config)
+    assert design.report.limiting == 'cone sun'
+    assert certify_problem(kind, values).complete
+    wider = {**values, 'cones': [{**values['cones'][0], 'half_angle_rad': 0.59}]}
+    proof = prove(loop_maker(kind, wider, design.K), design.P, design.K, design.c, smaller=False)
+    assert proof.reason.startswith('cone sun holds up to')
 
 
 def test_covering_boxes_and_processes_prove_the_same() -> None:

@@ -32,6 +32,7 @@ from manifold_mpc_ros.lab.certification.jets import Jet, chain, coordinates, squ
 from manifold_mpc_ros.lab.certification.rigid_body_enclosure import (
     RigidBodyEnclosure,
     block_weight,
+    cone_radii,
     trace_hessian,
     triple,
 )
@@ -47,6 +48,7 @@ class AttitudeEnclosure:
         self.body = RigidBodyEnclosure(config, gain)
         self._attitude = trace_hessian(config.attitude_weight)
         self.weight = block_weight(self._attitude, self.body)
+        self.cone_radii = cone_radii(config)
         self.control_limits = config.max_torque_n_m
         self.control_facets = None if config.wheels is None else config.wheels.torques
         self.chart_radii: Sequence[tuple[int, arb]] = (

@@ -155,6 +155,10 @@ def closed_form_limits(loop: ClosedLoop, P: Array, K: Array, level: float) -> di
                 for i, bound in enumerate(np.asarray(loop.control_limits).tolist())
                 if np.isfinite(bound)]
         limits['control limit'] = min(_below(entry) for entry in each)
+    errors = loop.chart_radii[0][0]
+    block = arb_mat([[inverse[i, j] for j in range(errors)] for i in range(errors)])
+    for name, radius in loop.cone_radii.items():
+        limits[name] = _chart_limit(block, radius, level) if radius > 0 else 0.0
     start, charts = 0, []
     for size, radius in loop.chart_radii:
         if radius.is_finite():

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from flint import arb, arb_mat
@@ -29,6 +29,7 @@ class DoubleIntegratorEnclosure:
                               ) + k.transpose() * k * arb(input_weight)
         self.control_limits = None if max_input is None else np.array([max_input])
         self.control_facets = None
+        self.cone_radii: Mapping[str, arb] = {}
         self._max_velocity = max_velocity
 
     def check_cost(self) -> str | None:

@@ -74,6 +74,10 @@ class ClosedLoop(Protocol):
     def chart_radii(self) -> Sequence[tuple[int, arb]]:
         """(dimension, radius) of each factor's chart, in order; radius inf where it has no end."""
 
+    @property
+    def cone_radii(self) -> Mapping[str, arb]:
+        """By name, the angle that the first factor may turn without violating a cone."""
+
     def check_cost(self) -> str | None:
         """Return why the bound of L by W is not proved, None when it is."""
 

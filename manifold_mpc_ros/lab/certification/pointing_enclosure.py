@@ -28,6 +28,7 @@ from manifold_mpc_ros.lab.certification.jets import Jet, squared_norm
 from manifold_mpc_ros.lab.certification.rigid_body_enclosure import (
     RigidBodyEnclosure,
     block_weight,
+    cone_radii,
     triple,
 )
 from manifold_mpc_ros.terminal.manifold import tangent_basis
@@ -44,6 +45,7 @@ class PointingEnclosure:
         self._axis, self._first, self._second = exact_frame(config.pointing_axis_B)
         w = arb(config.pointing_weight)
         self.weight = block_weight(arb_mat(2, 2, [w, 0, 0, w]), self.body)
+        self.cone_radii = cone_radii(config)
         self.control_limits = config.max_torque_n_m
         self.control_facets = None if config.wheels is None else config.wheels.torques
         self.chart_radii: Sequence[tuple[int, arb]] = (

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from flint import arb, arb_mat
 
+from manifold_mpc_ros.config.cones import Cone
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics import scalar_form
 from manifold_mpc_ros.lab.certification.enclosure import (
@@ -36,6 +37,7 @@ from manifold_mpc_ros.lab.certification.even_functions import (
     half_sine,
 )
 from manifold_mpc_ros.lab.certification.jets import Jet, coordinates, root, squared_norm
+from manifold_mpc_ros.terminal.cone_cut import target_margins_rad
 
 # Times the box C is widened to hold K(C) before the step counts as not enclosed.
 _WIDENINGS = 6
@@ -242,3 +244,27 @@ def _newton(m: list[float], inertia: scalar_form.Matrix) -> scalar_form.Vector:
     for _ in range(_NEWTON_STEPS):
         c = scalar_form.add(c, scalar_form.newton_step(c, (m[0], m[1], m[2]), inertia))
     return c
+
+
+def cone_radii(config: AttitudeMpcConfig) -> dict[str, arb]:
+    """Return the angle by which the identity keeps each cone or group that counts, as balls.
+
+    A group has that of the member that keeps most. Cones are those that nodes keep.
+    """
+    if not config.cones:
+        return {}
+    kept, found = config.kept_cones, {}
+    for name, margin in target_margins_rad(config, kept).items():
+        members = [each for each in kept if name in (each.name, each.group)]
+        best = max(members, key=lambda each: float(each.margins_rad(np.eye(3))))
+        if np.isfinite(margin):
+            found[f'cone {name}'] = _cone_radius(best)
+    return found
+
+
+def _cone_radius(cone: Cone) -> arb:
+    """Return the angle between axis and direction less the half angle, or the reverse."""
+    axis, s = (list(map(arb, values.tolist())) for values in (cone.axis_B, cone.direction_N))
+    cosine = sum((a * b for a, b in zip(axis, s)), start=arb(0)) / (
+        sum((a * a for a in axis), start=arb(0)) * sum((b * b for b in s), start=arb(0))).sqrt()
+    return arb(cone.sign) * (cosine.acos() - arb(cone.half_angle_rad))
