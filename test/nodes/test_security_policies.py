@@ -36,7 +36,8 @@ CONFIGURATIONS: list[tuple[dict[str, object], ...]] = [
     ({'target': 'pointing', 'use_sim_time': True},
      {'timing.publish_clock': True, 'use_sim_time': True},
      {'use_sim_time': True}),
-    ({'state_source': 'imu', 'actuators.kind': 'wheels', **BOND}, BOND,
+    ({'state_source': 'imu', 'actuators.kind': 'wheels', **BOND},
+     {'actuators.kind': 'wheels', **BOND},
      {'state_source': 'imu', **BOND}),
 ]
 #: What every node of rclpy publishes.

@@ -7,7 +7,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from manifold_mpc_ros.config.interfaces import BOND, DESCRIPTION, command_topics
+from manifold_mpc_ros.config.interfaces import BOND, DESCRIPTION, WHEEL_STATES, command_topics
 from manifold_mpc_ros.config.tables import SIMULATOR_NAME, SIMULATOR_PARAMETERS
 from manifold_mpc_ros.nodes.process import run
 from manifold_mpc_ros.nodes.usage import Program
@@ -20,12 +20,14 @@ PROGRAM = Program(
     parameters=SIMULATOR_PARAMETERS,
     subscribes=(
         *command_topics(),
+        *command_topics('wheels'),
         ('/clock', 'rosgraph_msgs/msg/Clock', 'time, with use_sim_time'),
         BOND,
     ),
     publishes=(
         ('odometry', 'nav_msgs/msg/Odometry', 'attitude (pose), body rate (twist)'),
         ('imu', 'sensor_msgs/msg/Imu', 'the same as an inertial sensor'),
+        WHEEL_STATES,
         ('/clock', 'rosgraph_msgs/msg/Clock', 'simulated time, with publish_clock'),
         ('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'time, plant, refusals'),
         BOND,

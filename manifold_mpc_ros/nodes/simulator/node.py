@@ -28,6 +28,7 @@ from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.managed_node import INPUT_QOS, ManagedNode, Status
 from manifold_mpc_ros.nodes.publisher_watch import PublisherWatch
 from manifold_mpc_ros.nodes.simulator.clock_watch import TOPIC, ClockWatch
+from manifold_mpc_ros.nodes.simulator.wheel_link import WheelLink
 from manifold_mpc_ros.sim.pacing import Ask, FreeRun, Lockstep, Patience
 from manifold_mpc_ros.sim.plant_loop import PlantLoop
 
@@ -71,10 +72,12 @@ class LgviSimulatorNode(ManagedNode):
                 'use_sim_time is not used: in lockstep time goes by answers, not by a clock')
         self._torque = self.listen(WrenchStamped, 'torque_command', self._on_torque, INPUT_QOS)
         self._torque_publishers = PublisherWatch()
+        self._wheels = WheelLink(self, config, lambda motors: self._loop.command(motors))
 
     def take_down(self) -> None:
         """Remove the interfaces."""
         self.destroy_subscription(self._torque)
+        self._wheels.close()
         self._clock_watch.close()
         for publisher in (self._odometry, self._imu, self._clock_publisher):
             if publisher is not None:
@@ -107,8 +110,7 @@ class LgviSimulatorNode(ManagedNode):
         """Put the plant into its initial state, and let its time begin."""
         config = self._config
         self._loop = PlantLoop(config, SIMULATED_EPOCH_NS if self._own_time else self._now_ns())
-        self._free = FreeRun(
-            config.step_s, config.real_time_factor, may_slip=config.publish_clock)
+        self._free = FreeRun(config.step_s, config.real_time_factor, may_slip=config.publish_clock)
         self._free.start(time.monotonic())
 
     def _now_ns(self) -> int:
@@ -178,17 +180,21 @@ class LgviSimulatorNode(ManagedNode):
         return DiagnosticStatus.OK, 'RUN', 'simulated time runs'
 
     def _on_torque(self, message: WrenchStamped, info: Mapping[str, Any]) -> None:
-        """Put a torque in force or count its refusal; in lockstep, let time go on."""
+        """Take a torque, with those of the motors where there are wheels."""
         if not self.active:
             return
         turns = self._torque_publishers.note(info.get('publication_sequence_number'))
         if turns and self._torque.get_publisher_count() > 1:
             self._loop.latch('two publishers of torque_command')
+        self._wheels.when_commanded(info, lambda: self._take(message))
+
+    def _take(self, message: WrenchStamped) -> None:
+        """Put what was commanded in force or count its refusal; in lockstep, let time go on."""
         torque = self._admitted(message)
         if isinstance(torque, Refusal):
             self.refusals.add('torque_command', torque)
             return
-        self._loop.command(torque)
+        self._loop.command(self._wheels.command(torque))
         if self._config.lockstep and not self._still:
             self._exchange_next()
 
@@ -255,7 +261,8 @@ class LgviSimulatorNode(ManagedNode):
         if self._still:
             return
         if self._published is None:
-            if self._has_controller():
+            readers = self._odometry.get_subscription_count() + self._imu.get_subscription_count()
+            if readers > 0 and self._torque.get_publisher_count() > 0:
                 self._ask()
         elif not self._exchange.asking:  # answered while paused
             self._exchange_next()
@@ -266,12 +273,6 @@ class LgviSimulatorNode(ManagedNode):
             elif ask is Ask.GIVE_UP:
                 self._loop.release()
                 self._exchange_next()
-
-    def _has_controller(self) -> bool:
-        """Whether somebody reads the state and somebody writes the torque."""
-        readers = (self._odometry.get_subscription_count()
-                   + self._imu.get_subscription_count())
-        return readers > 0 and self._torque.get_publisher_count() > 0
 
     def _exchange_next(self) -> None:
         """Move on by one control period and ask again."""
@@ -288,11 +289,11 @@ class LgviSimulatorNode(ManagedNode):
         self._published = self._loop.measure()
         self._send(self._published)
         if self._clock_publisher is not None:
-            self._clock_publisher.publish(
-                Clock(clock=messages.to_stamp(self._loop.stamp_ns)))
+            self._clock_publisher.publish(Clock(clock=messages.to_stamp(self._loop.stamp_ns)))
 
     def _send(self, sample: StateSample) -> None:
         """Publish a measurement in each form that somebody reads."""
+        self._wheels.publish(sample.stamp_ns, self._loop.wheel_speed_rad_s)
         if self._imu.get_subscription_count() > 0:
             self._imu.publish(messages.to_imu(sample, self._form))
         if self._odometry.get_subscription_count() > 0:
