@@ -7,7 +7,7 @@ from __future__ import annotations
 import json
 import platform
 import re
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,6 +40,17 @@ def write(plan: CampaignPlan, done: Run, folder: Path) -> list[Path]:
     return [table, data, *pictures, page]
 
 
+def _plain(value: Any) -> Any:
+    """Return a value of a configuration as JSON holds it: arrays, cones and wheels in parts."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, tuple):
+        return list(map(_plain, value))
+    if is_dataclass(value):
+        return {entry.name: _plain(getattr(value, entry.name)) for entry in fields(value)}
+    return value
+
+
 def as_data(plan: CampaignPlan, done: Run) -> dict[str, Any]:
     """Return every figure as JSON values."""
     config = plan.config
@@ -48,8 +59,7 @@ def as_data(plan: CampaignPlan, done: Run) -> dict[str, Any]:
     sets = {one.name: one for one in plan.sets}
     return finite({
         'campaign': plan.name, 'description': plan.description,
-        'controller': {name: value.tolist() if isinstance(value, np.ndarray) else value
-                       for name, value in described.items()},
+        'controller': {name: _plain(value) for name, value in described.items()},
         'settings': {
             'seed': plan.seed, 'steps': plan.steps, 'duration_s': plan.duration_s,
             'simulator': dict(plan.simulator), 'decrease_relative': RELATIVE,
