@@ -51,7 +51,9 @@ def build(folder: Path, package: str, messages: Mapping[str, str], *used: str) -
     (source / 'msg').mkdir(parents=True)
     for name, fields in messages.items():
         (source / 'msg' / f'{name}.msg').write_text(fields, encoding='utf-8')
-    _generate(source, package, list(messages), used)
+    # In a process of its own: the generators' templates replace sys.stdout, once and for all.
+    given = json.dumps([str(source), package, list(messages), used])
+    subprocess.run([sys.executable, __file__, given], check=True, stdout=subprocess.DEVNULL)
     _compile(source, folder / package, used)
     (folder / package / '__init__.py').touch()
 
@@ -148,3 +150,8 @@ def _run(*arguments: object) -> None:
                           check=False)
     if done.returncode:
         raise RuntimeError(done.stderr)
+
+
+if __name__ == '__main__':
+    _folder, *_rest = json.loads(sys.argv[1])
+    _generate(Path(_folder), *_rest)
