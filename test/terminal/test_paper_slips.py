@@ -51,11 +51,12 @@ def radius(linear: Linearisation, K: Array) -> float:
 class LinearLoop:
     """The enclosed loop ``xi+ = (A + B K) xi`` without limits; L is quadratic, lambda = 1/2."""
 
-    control_limits = None
+    control_limits = control_facets = None
 
     def __init__(self, linear: Linearisation, K: Array) -> None:
         self.dimension = len(linear.A)
         self.chart_radii = ((self.dimension, arb.pos_inf()),)
+        self.cone_radii: dict[str, arb] = {}
         self._loop = exact(linear.A + linear.B @ K)
         self.weight = exact(0.5 * (linear.Q + K.T @ linear.R @ K))
 
