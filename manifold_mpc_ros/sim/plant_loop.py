@@ -107,5 +107,6 @@ class PlantLoop:
         return self._plant.speed_rad_s if isinstance(self._plant, WheelPlant) else None
 
     def counters(self) -> dict[str, int]:
-        """Return what has happened to the plant since its last reset."""
-        return {**vars(self._plant.counters), 'expired_commands': self.expired}
+        """Return what has happened to the plant since its last reset, and commands in force."""
+        return {**vars(self._plant.counters), 'expired_commands': self.expired,
+                'commands_in_force': int(self._steps_left >= 0)}

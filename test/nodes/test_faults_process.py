@@ -90,12 +90,12 @@ class Loop:
         self.rig.until(condition, what, alive=False)
 
     def until_closed(self) -> None:
-        """Wait for a torque of the optimiser that is new, and for a word of both nodes."""
+        """Wait for a new torque of the optimiser that the plant has, and a word of both nodes."""
         self.diagnostics.clear()
         self.torques.clear()
         self.until(lambda: self.value('mode') == 'NOMINAL' and len(self.torques) > 5
                    and any(torque_of(self.torques[-1]))
-                   and self.value('expired_commands', 'lgvi_simulator') != '', 'the closed loop')
+                   and self.value('commands_in_force', 'lgvi_simulator') == '1', 'the closed loop')
 
     def finite_and_limited(self) -> bool:
         torques = np.array([torque_of(message) for message in self.torques])

@@ -101,6 +101,7 @@ def test_a_command_lasts_three_control_periods() -> None:
     loop.advance(1000)
     np.testing.assert_allclose(momentum(loop), [0.02 * 1.5, 0.0, 0.0], atol=1e-12)
     assert loop.counters()['expired_commands'] == 1
+    assert loop.counters()['commands_in_force'] == 0
     assert loop.stamp_ns == EPOCH_NS + 1000 * 25_000_000
     assert loop.elapsed_s == pytest.approx(25.0)
 
@@ -112,6 +113,7 @@ def test_a_command_that_is_renewed_lasts_on() -> None:
         loop.advance(20)
     np.testing.assert_allclose(momentum(loop), [0.02 * 5.0, 0.0, 0.0], atol=1e-12)
     assert loop.counters()['expired_commands'] == 0
+    assert loop.counters()['commands_in_force'] == 1
 
 
 def test_the_life_of_a_command_is_never_below_150_ms() -> None:
