@@ -15,7 +15,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -233,14 +233,13 @@ class Rig:
             self._executor.spin_once(timeout_sec=left_s)
 
     def close(self) -> None:
-        """End every process and the watcher."""
-        try:
-            for process in self._processes:
-                process.end()
-        finally:
-            self._executor.shutdown(timeout_sec=0)
-            self.node.destroy_node()
-            rclpy.shutdown(context=self._context)
+        """End every process and the watcher, also when one does not end by itself."""
+        with ExitStack() as stack:
+            stack.callback(rclpy.shutdown, context=self._context)
+            stack.callback(self.node.destroy_node)
+            stack.callback(self._executor.shutdown, timeout_sec=0)
+            for process in reversed(self._processes):
+                stack.callback(process.end)
 
 
 @contextmanager
