@@ -151,7 +151,9 @@ def _document(parameter: str, given: str, key: str) -> _Section:
     name = EARLIER_NAMES.get(given, given)
     shipped = preset_names()
     if name not in shipped and not given.endswith(('.yaml', '.yml')):
-        names = ', '.join(map(repr, [*EARLIER_NAMES, *shipped]))
+        of_key = [each for each in shipped if re.search(
+            rf'^{key}:', (PRESETS / f'{each}.yaml').read_text(encoding='utf-8'), re.MULTILINE)]
+        names = ', '.join(map(repr, [*EARLIER_NAMES, *of_key]))
         raise ConfigurationError(parameter, given, f'one of {names}, or your own YAML file')
     path = PRESETS / f'{name}.yaml' if name in shipped else Path(given)
     document = _Section(path.name, parse_mapping(

@@ -67,7 +67,7 @@ def test_a_mistake_is_named_with_what_is_valid(
 
 
 @pytest.mark.parametrize(('given', 'says'), [
-    ('gyro', "state_source: 'gyro' .*'odometry', .*'px4'.*or your own YAML file"),
+    ('gyro', "state_source: 'gyro' .*'px4', 'space_station_os', or your own YAML file"),
     ('none.yaml', 'No such file'),
 ])
 def test_a_description_that_is_not_there_is_named(given: str, says: str) -> None:

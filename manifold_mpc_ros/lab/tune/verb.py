@@ -111,7 +111,8 @@ def _values(given: Mapping[str, Any]) -> dict[str, Value]:
     """Return a value for every parameter; raises ConfigurationError where one is needed."""
     for name in NEEDED:
         if name not in given:
-            raise ConfigurationError(name, 'nothing', 'to be given: tune starts from it')
+            raise ConfigurationError(
+                name, None, 'a value, from which tune starts (the key is missing)')
     return resolve_parameters(CONTROLLER_PARAMETERS, given, complete=False)
 
 
