@@ -214,23 +214,30 @@ class AttitudeMpcConfig:
                 f'limits with step_s * |largest rate| below {MAX_STEP_ANGLE_RAD} rad '
                 f'(it is {angle:.4g} rad with step_s = {self.step_s:g})')
 
+    @property
+    def largest_acceleration_rad_s2(self) -> float:
+        """Largest |J^-1 tau| over the torque box, infinite where an axis has no limit."""
+        box = self.max_torque_n_m
+        if box is None or not np.isfinite(box).all():
+            return float('inf')
+        changes = np.linalg.solve(self.inertia_kg_m2, (box * CORNERS).T)
+        return float(np.linalg.norm(changes, axis=0).max())
+
     @cached_property
     def between_samples(self) -> Between:
         """How far axes move between samples.
 
         Raises ConfigurationError where limits are missing that bound it.
         """
-        box = self.max_torque_n_m
+        acceleration = self.largest_acceleration_rad_s2
         rate = min((limit.largest_rate_rad_s for limit in self.rate_limits
                     if limit.limits_every_axis), default=None)
-        if box is None or not np.isfinite(box).all() or rate is None:
+        if not np.isfinite(acceleration) or rate is None:
             raise ConfigurationError(
                 'cones', [each.name for each in self.cones],
                 'limits on torque and rate of every axis (max_torque_n_m, and max_rate_rad_s or '
                 'another rate limit) where there are cones: they bound the way between samples')
-        changes = np.linalg.solve(self.inertia_kg_m2, (box * CORNERS).T)
-        return between_samples(self.inertia_kg_m2, float(np.linalg.norm(changes, axis=0).max()),
-                               rate, self.step_s)
+        return between_samples(self.inertia_kg_m2, acceleration, rate, self.step_s)
 
     @property
     def kept_cones(self) -> tuple[Cone, ...]:

@@ -117,12 +117,9 @@ class MotionBounds:
     @classmethod
     def from_config(cls, config: ControllerConfig) -> MotionBounds:
         """Return the bounds of a controller's body and sensors."""
-        J, limit = config.mpc.inertia_kg_m2, config.mpc.max_torque_n_m
-        moments = principal_moments(J)
-        corners = np.array(list(itertools.product((1.0, -1.0), repeat=3)))
-        acceleration = math.inf if limit is None else float(
-            np.linalg.norm(np.linalg.solve(J, (corners * limit).T), axis=0).max())
-        return cls(acceleration, 0.5 * float(moments[2] / moments[0] - 1.0),
+        moments = principal_moments(config.mpc.inertia_kg_m2)
+        return cls(config.mpc.largest_acceleration_rad_s2,
+                   0.5 * float(moments[2] / moments[0] - 1.0),
                    config.attitude_noise_rad, config.mpc.step_s,
                    1 if config.lockstep else FIRST_COMPARISONS)
 

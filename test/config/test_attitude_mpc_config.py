@@ -166,3 +166,14 @@ def test_the_implicit_step_exists_at_the_corner_of_both_boxes() -> None:
     with pytest.raises(ConfigurationError, match='smallest moment of inertia') as caught:
         make(inertia_kg_m2=J, max_rate_rad_s=None, max_torque_n_m=100.0)
     assert caught.value.key == 'max_torque_n_m'
+
+
+def test_the_largest_acceleration_is_that_of_a_corner_of_the_torque_box() -> None:
+    inertia, limit = turned(INERTIA), np.array([0.1, 0.2, 0.3])
+    corners = [np.linalg.solve(inertia, limit * [a, b, c])
+               for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)]
+    config = make(inertia_kg_m2=inertia, max_torque_n_m=limit)
+    assert config.largest_acceleration_rad_s2 == pytest.approx(
+        max(map(np.linalg.norm, corners)), rel=1e-12)
+    for unlimited in (None, [0.1, np.inf, 0.3]):
+        assert make(max_torque_n_m=unlimited).largest_acceleration_rad_s2 == np.inf
