@@ -226,7 +226,7 @@ def links(draw: st.DrawFn) -> Link:
     """Draw a link, from none of its faults to all of them."""
     def noise(largest: float) -> float:
         return draw(st.just(0.0) | st.floats(-5.0, np.log10(largest)).map(lambda x: 10.0 ** x))
-    return Link(draw(st.sampled_from([2.0, 10.0, 25.0, 100.0])), noise(0.03), noise(0.1),
+    return Link(draw(st.sampled_from([2.0, 10.0, 25.0, 100.0])), noise(0.05), noise(0.1),
                 draw(st.sampled_from([0.0, 0.1, 0.5])), draw(st.sampled_from([0.0, 0.06, 0.3])),
                 draw(st.booleans()), draw(st.integers(0, 2**32 - 1)))
 

@@ -134,24 +134,37 @@ def test_the_policies_are_what_the_tables_say() -> None:
         policies())
 
 
+def topics_of(text: str) -> set[str | None]:
+    return {item.text for item in ET.fromstring(text.encode()).iter('topic')}
+
+
+def test_directions_of_cones_come_to_the_controller_and_the_recorder_alone() -> None:
+    shipped = policies()
+    with_cone = policies({
+        'cones.names': ['sun'], 'cones.sun.axis_B': [1.0, 0.0, 0.0],
+        'cones.sun.half_angle_deg': 20.0,
+        'cones.sun.direction_N': [0.0, 1.0, 0.0], 'cones.sun.direction_topic': 'sun_direction'})
+    for node, text in with_cone.items():
+        expected = {'sun_direction'} if node in ('attitude_controller', 'recorder') else set()
+        assert topics_of(text) - topics_of(shipped[node]) == expected
+
+
 def test_a_controller_of_another_stack_opens_its_topics_and_no_others() -> None:
     shipped = policies()
     theirs = policies({'state_source': 'px4', 'command_sink': 'px4',
                        'setpoint_source': 'space_station_os'})
 
-    def topics(text: str) -> set[str | None]:
-        return {item.text for item in ET.fromstring(text.encode()).iter('topic')}
-
     ours = {'odometry', 'imu', 'attitude_setpoint', 'torque_command'}
     states = {'/fmu/out/vehicle_attitude', '/fmu/out/vehicle_angular_velocity'}
     commands = {'/fmu/in/vehicle_torque_setpoint', '/fmu/in/offboard_control_mode'}
     for node in ('attitude_controller', 'attitude_markers'):
-        before, after = topics(shipped[node]), topics(theirs[node])
+        before, after = topics_of(shipped[node]), topics_of(theirs[node])
         assert before - after == ours
         assert after - before == states | commands | {'/gnc/pose_ref'}
     assert theirs['lgvi_simulator'] == shipped['lgvi_simulator']
-    assert '/gnc/pose_ref' in topics(theirs['operator'])
-    assert 'attitude_setpoint' not in topics(theirs['operator'])
+    assert '/gnc/pose_ref' in topics_of(theirs['operator'])
+    assert states <= topics_of(theirs['recorder'])
+    assert 'attitude_setpoint' not in topics_of(theirs['operator'])
 
 
 def test_operator_and_recorder_have_the_least_that_they_need() -> None:

@@ -7,8 +7,8 @@ every namespace are absolute; the others follow the namespace that a keystore is
 
     python -m manifold_mpc_ros.lab.security.policies FOLDER [--controller-config FILE]
 
-With the parameter file of a controller that speaks to another stack the policies have the topics
-of that stack's descriptions (docs/interfaces.md) instead of the shipped ones.
+With the parameter file of a controller the policies have the topics of its descriptions
+(docs/interfaces.md) instead of the shipped ones, and those that bring it directions of cones.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from manifold_mpc_ros import nodes
+from manifold_mpc_ros.config.cones import cone_topics
 from manifold_mpc_ros.config.description import PLAIN
 from manifold_mpc_ros.config.interfaces import (
     Interfaces,
@@ -71,7 +72,8 @@ _END = """        </profile>
 def programs(parameters: Mapping[str, Any] | None = None) -> list[Program]:
     """Return what each executable of the package says about itself.
 
-    With ``parameters`` of a controller, topics of states, setpoints and commands are theirs.
+    With ``parameters`` of a controller, topics of states, setpoints, commands and directions are
+    theirs.
     """
     found = [importlib.import_module(f'{nodes.__name__}.{each.name}.main').PROGRAM
              for each in pkgutil.iter_modules(nodes.__path__) if each.ispkg]
@@ -82,9 +84,13 @@ def programs(parameters: Mapping[str, Any] | None = None) -> list[Program]:
         state_topics(): state_topics(str(values['state_source'])),
         setpoint_topics(): setpoint_topics(str(values['setpoint_source'])),
         command_topics(): command_topics(str(values['command_sink']))}
-    return [program if program.node_name == SIMULATOR_NAME else replace(
+    directions = tuple((topic, 'geometry_msgs/msg/Vector3Stamped', f'direction of cone {name}')
+                       for name, (topic, _) in cone_topics(values).items())
+    described = [program if program.node_name == SIMULATOR_NAME else replace(
         program, subscribes=_instead(program.subscribes, instead),
         publishes=_instead(program.publishes, instead)) for program in found]
+    return [replace(program, subscribes=program.subscribes + directions)
+            if program.node_name == CONTROLLER_NAME else program for program in described]
 
 
 def _instead(interfaces: Interfaces, instead: Mapping[Interfaces, Interfaces]) -> Interfaces:
@@ -123,11 +129,11 @@ def operator_rules(known: Sequence[Program], commanded: set[str]) -> Rules:
 
 def recorder_rules(known: Sequence[Program], commanded: set[str]) -> Rules:
     """Return what somebody needs who reads every topic and says nothing."""
-    published = {_seen_from_outside(name, program) for program in known
-                 for name in node_rules(program)['topic', 'publish']}
+    topics = {_seen_from_outside(name, program) for program in known
+              for use in ('publish', 'subscribe') for name in node_rules(program)['topic', use]}
     return {
         ('topic', 'publish'): _LOGS | {_BAG_EVENTS},
-        ('topic', 'subscribe'): published | commanded | {_BAG_EVENTS},
+        ('topic', 'subscribe'): topics | commanded | {_BAG_EVENTS},
         ('service', 'reply'): _OWN_SERVICES | {_BAG_SERVICES},
     }
 
