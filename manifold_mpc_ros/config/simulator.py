@@ -13,6 +13,7 @@ import numpy as np
 
 from manifold_mpc_ros.config import checks as checks
 from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.config.orbit import CircularOrbit
 from manifold_mpc_ros.config.parameter import (
     Value,
     by_field,
@@ -37,8 +38,8 @@ class SimulatorConfig:
     ``state_period_s``, ``control_period_s`` and ``actuation_delay_s`` are multiples of ``step_s``;
     a command counts as zero after ``command_timeout_periods`` control periods, 0.15 s at the
     least. With ``wheel_motors`` a command is one motor torque a wheel, and ``max_torque_n_m``
-    limits nothing. The parameters of ``config/simulator.yaml`` describe each field with its unit
-    and range.
+    limits nothing. On an ``orbit`` gravity gradient acts. The parameters of
+    ``config/simulator.yaml`` describe each field with its unit and range.
 
     Raises
     ------
@@ -70,6 +71,7 @@ class SimulatorConfig:
     body_frame_id: str = 'base_link'
     autostart: bool = True
     wheel_motors: WheelMotors | None = None
+    orbit: CircularOrbit | None = None
 
     def __post_init__(self) -> None:
         """Check every field, then what the fields together have to satisfy."""
@@ -105,7 +107,8 @@ class SimulatorConfig:
         chosen: dict[str, Any] = by_field(
             SIMULATOR_PARAMETERS, values, (field.name for field in fields(cls)))
         try:
-            return cls(wheel_motors=WheelMotors.from_parameters(values), **chosen)
+            return cls(wheel_motors=WheelMotors.from_parameters(values),
+                       orbit=CircularOrbit.from_parameters(values), **chosen)
         except ConfigurationError as error:
             raise named_as_parameter(SIMULATOR_PARAMETERS, error) from None
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 from manifold_mpc_ros.config.cone_parameters import CONE_PARAMETERS
 from manifold_mpc_ros.config.interfaces import ACTUATORS
+from manifold_mpc_ros.config.orbit import ORBIT_PARAMETERS
 from manifold_mpc_ros.config.parameter import ParameterSpec
 from manifold_mpc_ros.config.wheel_motors import MOTOR_PARAMETERS
 from manifold_mpc_ros.config.wheel_parameters import NULL_SPACE, WHEEL_PARAMETERS
@@ -209,6 +210,7 @@ SIMULATOR_PARAMETERS: tuple[ParameterSpec, ...] = (
         'time from a command to its torque, a multiple of the plant step', unit='s', low=0.0,
         high=60.0),
     *MOTOR_PARAMETERS,
+    *ORBIT_PARAMETERS,
     ParameterSpec(
         'sensor.attitude_noise_std_rad', 'float', 0.0,
         'standard deviation of the attitude noise about each body axis', unit='rad', low=0.0,

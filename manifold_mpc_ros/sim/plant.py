@@ -1,6 +1,6 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The simulated spacecraft: a rigid body under clipped torque, with a disturbance and sensors.
+"""The simulated spacecraft: a rigid body under clipped torque, with disturbances and sensors.
 
 The plant shares the formulas of the LGVI with the predictor and nothing else: it has its own
 inertia, its own (smaller) step and always the symmetric forcing, which is second order for a
@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from manifold_mpc_ros.config.control_law import SimulatorConfig
 from manifold_mpc_ros.dynamics import scalar_form
+from manifold_mpc_ros.dynamics.environment import gravity_gradient_B
 from manifold_mpc_ros.dynamics.inertia import existence_guard
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.errors import ConfigurationError
@@ -191,19 +192,39 @@ class Plant:
         return max(1, math.ceil(needed))
 
     def _advance(self, step_s: float) -> None:
-        """Take one LGVI step of the whole torque.
+        """Take one step; torques that depend on the attitude act as the trapezoidal rule says.
 
-        An inertial disturbance d acts as R^T d at both ends of the step, h/2 each; `lgvi_step`
-        holds the value of the start, so its second half is corrected afterwards.
+        Those of both its ends act, h/2 each: a step holds the value of the begin, so its second
+        half is corrected afterwards.
         """
-        J = self.config.inertia_kg_m2
-        disturbance_B = self._disturbance
+        external_B = self._external_B()
+        self._R_NB, omega_BN_B = self._turned(external_B, step_s)
+        if self._inertial_disturbance or self.config.orbit is not None:
+            turned = self._external_B() - external_B
+            omega_BN_B = omega_BN_B + np.linalg.solve(
+                self.config.inertia_kg_m2, 0.5 * step_s * turned)
+        self._omega_BN_B = omega_BN_B
+
+    def _turned(self, external_B: Array, step_s: float) -> tuple[Array, Array]:
+        """Return attitude and rate after one LGVI step under a torque beside the actuators'."""
+        return lgvi_step(
+            self._R_NB, self._omega_BN_B, self._torque_B + external_B,
+            inertia_kg_m2=self.config.inertia_kg_m2, step_s=step_s, forcing='symmetric')
+
+    def _external_B(self) -> Array:
+        """Return disturbance and gravity gradient (3,) at this attitude [N m].
+
+        At the place in the middle of the plant's step, so that both its ends have the same.
+        """
+        torque_B = self._disturbance
         if self._inertial_disturbance:
-            disturbance_B = self._R_NB.T @ self._disturbance
-        R_NB, omega_BN_B = lgvi_step(
-            self._R_NB, self._omega_BN_B, self._torque_B + disturbance_B,
-            inertia_kg_m2=J, step_s=step_s, forcing='symmetric')
-        if self._inertial_disturbance:
-            turned = R_NB.T @ self._disturbance - disturbance_B
-            omega_BN_B = omega_BN_B + np.linalg.solve(J, 0.5 * step_s * turned)
-        self._R_NB, self._omega_BN_B = R_NB, omega_BN_B
+            torque_B = self._R_NB.T @ self._disturbance
+        if self.config.orbit is not None:
+            position_N = self.config.orbit.position_N_m((self._steps - 0.5) * self.step_s)
+            torque_B = torque_B + gravity_gradient_B(self._R_NB, position_N, self._mass_inertia)
+        return torque_B
+
+    @property
+    def _mass_inertia(self) -> Array:
+        """The inertia (3, 3) of all mass, which gravity acts on [kg m^2]."""
+        return self.config.inertia_kg_m2

@@ -53,15 +53,19 @@ class WheelPlant(Plant):
         torque = 2.0 * float(self.motors.wheels.max_torque_n_m.sum()) + self._disturbance_n_m
         return self._substeps(body + 2.0 * stored, torque)
 
-    def _advance(self, step_s: float) -> None:
-        """Take one step of motors, bearings and body; a disturbance acts in body axes."""
+    def _turned(self, external_B: Array, step_s: float) -> tuple[Array, Array]:
+        """Take one step of motors, bearings and body under a torque from outside."""
         net = self.motors.net_torques(
             self._torque_B, self.speed_rad_s, self.momentum_n_m_s, self.time_s, step_s)
-        disturbance_B = self._disturbance
-        if self._inertial_disturbance:
-            disturbance_B = self._R_NB.T @ self._disturbance
-        self._R_NB, self._omega_BN_B = wheel_step(
+        turned = wheel_step(
             self._R_NB, self._omega_BN_B, self._axes_B @ self.momentum_n_m_s,
-            self._axes_B @ net, disturbance_B, inertia_kg_m2=self.config.inertia_kg_m2,
+            self._axes_B @ net, external_B, inertia_kg_m2=self.config.inertia_kg_m2,
             step_s=step_s)
         self.momentum_n_m_s = self.momentum_n_m_s + step_s * net
+        return turned
+
+    @property
+    def _mass_inertia(self) -> Array:
+        """The inertia (3, 3) of body and wheels [kg m^2]."""
+        return np.asarray(self.config.inertia_kg_m2
+                          + self._axes_B * self.motors.inertia_kg_m2 @ self._axes_B.T)

@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from manifold_mpc_ros.config.control_law import SimulatorConfig
+from manifold_mpc_ros.config.orbit import CircularOrbit
 from manifold_mpc_ros.dynamics.lgvi import inertial_momentum, kinetic_energy, lgvi_step
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3
@@ -226,3 +227,28 @@ def test_whatever_is_commanded_the_state_stays_finite(
             assert np.all(np.abs(plant.torque_B_n_m) <= limit)
     refused = sum(not np.all(np.isfinite(command)) for command in commands)
     assert plant.counters.refused == refused
+
+
+def test_gravity_gradient_keeps_the_jacobi_integral_in_the_second_order() -> None:
+    """``T + 3/2 n^2 up . J up - n . H`` in the axes of the orbit, over half a revolution."""
+    orbit = CircularOrbit(500e3, 0.8, 0.2, 0.1)
+    up_0, up_1 = orbit.position_N_m(0.0), orbit.position_N_m(1000.0)
+    n_N = orbit.rate_rad_s * np.cross(up_0, up_1) / np.linalg.norm(np.cross(up_0, up_1))
+
+    def drift(step_s: float) -> float:
+        plant = Plant(replace(
+            TUMBLING, orbit=orbit, initial_rate_rad_s=1e-3 * np.array([1.0, -2.0, 1.5]),
+            step_s=step_s, state_period_s=step_s, control_period_s=step_s))
+        values, torques = [], []
+        for _ in range(round(2800 / step_s)):
+            up = plant.R_NB.T @ orbit.position_N_m(plant.time_s) / orbit.radius_m
+            values.append(kinetic_energy(plant.omega_BN_B, J) - n_N @ momentum(plant)
+                          + 1.5 * orbit.rate_rad_s ** 2 * up @ J @ up)
+            torques.append(np.linalg.norm(momentum(plant)))
+            plant.step(np.zeros(3))
+        assert np.ptp(torques) > 0.05 * max(torques)
+        return float(np.ptp(values)) / max(values)
+
+    drifts = [drift(step_s) for step_s in (20.0, 10.0, 5.0)]
+    assert drifts[0] < 1e-3
+    assert (np.array(drifts[:-1]) / drifts[1:] > 3.5).all()

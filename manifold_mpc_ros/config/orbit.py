@@ -1,0 +1,88 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A circular orbit about the Earth, and the parameters that describe it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from manifold_mpc_ros.config import checks as checks
+from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.config.parameter import ParameterSpec, Value
+
+EARTH_GM_M3_S2 = 3.986004418e14
+EARTH_RADIUS_M = 6378137.0
+
+
+def _angle(name: str, description: str, high: float = 360.0) -> ParameterSpec:
+    """Return the description of an angle of the orbit."""
+    return ParameterSpec(f'orbit.{name}_deg', 'float', 0.0, description, unit='deg', low=-high,
+                         high=high, name_in_config=f'orbit.{name}_rad')
+
+
+ORBIT_PARAMETERS: tuple[ParameterSpec, ...] = (
+    ParameterSpec(
+        'orbit.altitude_m', 'float', 0.0,
+        'height of a circular orbit above the equator, on which gravity gradient and magnetic '
+        'field act; 0: no orbit', unit='m', low=0.0, high=1e9,
+        name_in_config='orbit.altitude_m'),
+    _angle('inclination', 'angle of the orbit to the equator', 180.0),
+    _angle('ascending_node', 'angle from x to where the orbit crosses the equator northwards'),
+    _angle('phase', 'angle from there to the spacecraft at time zero'),
+)
+
+
+@dataclass(frozen=True)
+class CircularOrbit:
+    """An orbit of constant height; angles as `ORBIT_PARAMETERS` say, in radians.
+
+    Raises
+    ------
+    ConfigurationError
+        Naming ``orbit.FIELD``, its value and what would be valid.
+
+    """
+
+    altitude_m: float
+    inclination_rad: float = 0.0
+    ascending_node_rad: float = 0.0
+    phase_rad: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check every number."""
+        checks.positive('orbit.altitude_m', self.altitude_m)
+        for name in ('inclination_rad', 'ascending_node_rad', 'phase_rad'):
+            checks.number(f'orbit.{name}', getattr(self, name), 'a finite angle [rad]')
+
+    @classmethod
+    def from_parameters(cls, values: Mapping[str, Value]) -> CircularOrbit | None:
+        """Build from a node's checked parameters; None for an altitude of 0."""
+        altitude, *angles = (float(values[spec.name])  # type: ignore[arg-type]
+                             for spec in ORBIT_PARAMETERS)
+        return cls(altitude, *map(math.radians, angles)) if altitude > 0.0 else None
+
+    @property
+    def radius_m(self) -> float:
+        """Distance from the Earth's centre [m]."""
+        return EARTH_RADIUS_M + self.altitude_m
+
+    @property
+    def rate_rad_s(self) -> float:
+        """Mean motion ``sqrt(GM / r^3)`` [rad/s]."""
+        return math.sqrt(EARTH_GM_M3_S2 / self.radius_m ** 3)
+
+    def position_N_m(self, time_s: float) -> FloatArray:
+        """Return the place (3,) at a time: ``r (cos u p + sin u q)``, u = phase + rate time [m].
+
+        p points to the ascending node, q at right angles in the orbit's plane.
+        """
+        u = self.phase_rad + self.rate_rad_s * time_s
+        node, tilt = self.ascending_node_rad, self.inclination_rad
+        p = np.array([math.cos(node), math.sin(node), 0.0])
+        q = np.array([-math.cos(tilt) * math.sin(node), math.cos(tilt) * math.cos(node),
+                      math.sin(tilt)])
+        return np.asarray(self.radius_m * (math.cos(u) * p + math.sin(u) * q))
