@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -72,7 +73,7 @@ class AttitudeConvention:
     world: Axes | None = None
     body: Axes | None = None
 
-    @property
+    @cached_property
     def names(self) -> str:
         """One character for each component."""
         return FORMS[self.form]

@@ -254,7 +254,7 @@ class ConsistencyCheck:
         elapsed_s = window.elapsed_s
         F = window.first.R_NB.T @ window.last.R_NB
         turns = (_MATRICES @ window.turns[_INERTIAL][..., None])[..., 0]
-        angles = so3.angle(so3.exp(-turns) @ F)
+        angles = so3.angle_beyond(turns, F)
         self._unexplained_rad.append(float(angles.min()))
         self._early = len(self._unexplained_rad) < FIRST_COMPARISONS
         self._jumps_rad_s.append(bounds.beyond_torque(window))

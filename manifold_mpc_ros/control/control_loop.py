@@ -15,6 +15,7 @@ import numpy as np
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.control.actuator import Actuation, Actuator
+from manifold_mpc_ros.control.anticipation import Anticipation
 from manifold_mpc_ros.control.command import Command, Law
 from manifold_mpc_ros.control.fallback_law import FallbackLaw
 from manifold_mpc_ros.control.held_plan import HeldPlan, Offer
@@ -27,10 +28,9 @@ from manifold_mpc_ros.control.input_gate import (
 )
 from manifold_mpc_ros.control.modes import Decision, Facts, Mode, ModeLogic, SolveOutcome
 from manifold_mpc_ros.control.output_gate import OutputGate
-from manifold_mpc_ros.control.response.anticipation import Anticipation
-from manifold_mpc_ros.control.response.observer import ResponseObserver
-from manifold_mpc_ros.control.response.steady_error import SteadyError
+from manifold_mpc_ros.control.plan_watch import PlanWatch
 from manifold_mpc_ros.control.solver_thread import SolveRequest, SolveResult
+from manifold_mpc_ros.control.steady_error import SteadyError
 from manifold_mpc_ros.control.tick_time import TickTime
 from manifold_mpc_ros.control.torque_actuator import TorqueActuator
 from manifold_mpc_ros.errors import StepExistenceError
@@ -57,7 +57,8 @@ class ControlLoop:
         What makes the actuator of a configuration.
 
     ``sample`` is the latest state, None before the first; ``directions_N`` those of cones that
-    have come, by name.
+    have come, by name. ``observer`` watches how the body answers, ``steady_error`` the error that
+    is left, and ``plan_watch`` whether horizon and period fit.
     """
 
     def __init__(
@@ -105,6 +106,8 @@ class ControlLoop:
     def _take(self, law: Law) -> None:
         """Plan with this law from now on."""
         self._law = law
+        self.observer = law.observer
+        self.plan_watch = PlanWatch(law.config)
         self.steady_error = SteadyError(law.config, law.largest_steady_error_rad)
         self._fallback = FallbackLaw(law.config)
         self.logic.consistency.bounds = law.motion
@@ -148,11 +151,6 @@ class ControlLoop:
         self._R_ND = R_ND
         self.commanded = True
 
-    @property
-    def observer(self) -> ResponseObserver | None:
-        """What watches how the body answers, if anything does."""
-        return self._law.observer
-
     def tick(self, at: TickTime) -> Command:
         """Return the command of this tick."""
         late = self._law.solver.late_result()
@@ -175,6 +173,8 @@ class ControlLoop:
             decision.reason, _SOURCES.get(decision.mode, 'zero'), solution)
         self._mode = decision.mode
         self._ahead.send(time_ns, decision.mode, command.actuation.realised_B_n_m)
+        if solution is not None:
+            self.plan_watch.see(solution.status, solution.solve_time_s)
         self.steady_error.see(sample, self._R_ND, reduced=decision.mode in _SOURCES)
         judged = self._judged(command, at)
         self.logic.succeed()

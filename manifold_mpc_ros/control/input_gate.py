@@ -9,7 +9,6 @@ says what was wrong; quaternions arrive as x, y, z, w and leave as rotation matr
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -56,27 +55,6 @@ class Refusal:
 
     reason: Reason
     detail: str
-
-
-class RefusalLog:
-    """Counters of everything refused, by topic and reason, and the latest sentence of each."""
-
-    def __init__(self) -> None:
-        """Start with nothing refused."""
-        self.counts: Counter[str] = Counter()
-        self.details: dict[str, str] = {}
-        self.latest = ''
-
-    def add(self, topic: str, refusal: Refusal) -> None:
-        """Count one refusal of a message on ``topic``."""
-        key = f'{topic}.{refusal.reason.value}'
-        self.counts[key] += 1
-        self.details[key] = self.latest = f'{topic}: {refusal.detail}'
-
-    def values(self) -> dict[str, object]:
-        """Return the counters and the latest sentence, as diagnostics name them."""
-        counts = {f'refused.{key}': count for key, count in sorted(self.counts.items())}
-        return {**counts, **({'refused_latest': self.latest} if self.latest else {})}
 
 
 @dataclass(frozen=True)

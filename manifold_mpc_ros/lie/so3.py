@@ -91,6 +91,11 @@ def angle(R: ArrayLike) -> Array:
     return 2.0 * np.arctan2(np.linalg.norm(q[..., 1:], axis=-1), q[..., 0])
 
 
+def angle_beyond(phi: ArrayLike, R: ArrayLike) -> Array:
+    """Map a turn phi (..., 3) and R (..., 3, 3) to |log(exp(-phi) R)| (...), in [0, pi] [rad]."""
+    return angle(exp(-np.asarray(phi, dtype=np.float64)) @ np.asarray(R, dtype=np.float64))
+
+
 def left_jacobian(phi: ArrayLike) -> Array:
     """Map phi (..., 3) to J_l (..., 3, 3): exp(phi + d) = exp(J_l d) exp(phi) to first order.
 

@@ -123,6 +123,7 @@ class LocalSolver:
                  numbers: Mapping[Field, Array]) -> None:
         """Allocate everything that a solve needs; ``numbers`` has the problem's global fields."""
         self.structure, self.horizon = structure, horizon
+        self._cones = cone_inequalities(structure)
         self._library, lanes = library, library.lanes
         layout = layout_of(structure)
         self._sides = [Plan(structure, horizon, lanes) for _ in range(2)]
@@ -165,7 +166,7 @@ class LocalSolver:
 
     def set_cones(self, kept: Sequence[Cone], directions_N: Array) -> None:
         """Set the cones that nodes keep, and their directions at every node, (N + 1, n, 3)."""
-        for each in cone_inequalities(self.structure):
+        for each in self._cones:
             self._global(each.data)[:] = each.numbers_of(kept)
             self._set_nodes(each.direction_N, directions_N[:, each.places(kept)].reshape(
                 self.horizon + 1, -1))
@@ -189,7 +190,7 @@ class LocalSolver:
     def touches_cone(self, plan: Plan) -> bool:
         """Return whether a cone holds a plan back at some node."""
         return any(float(plan.field(each.slack)[1:].min()) < _TOUCHED
-                   for each in cone_inequalities(self.structure))
+                   for each in self._cones)
 
     def _set_nodes(self, field: Field, values: Array) -> None:
         """Write a field of the model at every node (N + 1, size); beyond them the last again."""

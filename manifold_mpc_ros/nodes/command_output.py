@@ -45,9 +45,11 @@ class CommandOutput:
         self._node = node
         self._outputs = [_Output(node, writer, kind) for writer, kind in writers]
         self._others: list[str] = []
+        node.status_parts.append(self.name_others)
 
     def close(self) -> None:
         """Publish no more."""
+        self._node.status_parts.remove(self.name_others)
         for output in self._outputs:
             output.close()
 

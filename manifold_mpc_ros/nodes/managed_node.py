@@ -27,13 +27,12 @@ from rclpy.timer import Timer
 from std_srvs.srv import SetBool, Trigger
 
 from manifold_mpc_ros.config.parameter import Value
-from manifold_mpc_ros.control.input_gate import RefusalLog
-from manifold_mpc_ros.control.mode_log import ModeLog
 from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.nodes.barrier import Barrier
 from manifold_mpc_ros.nodes.bond import Bond
 from manifold_mpc_ros.nodes.description import Description
 from manifold_mpc_ros.nodes.messages import to_diagnostics
+from manifold_mpc_ros.nodes.mode_log import ModeLog, RefusalLog
 from manifold_mpc_ros.nodes.parameter_requests import make_requests_safe, make_transitions_safe
 from manifold_mpc_ros.nodes.parameters import NodeParameters
 from manifold_mpc_ros.nodes.security import demand_enforcement
@@ -92,6 +91,8 @@ class ManagedNode(LifecycleNode):
         self._built = False
         self.active = False
         self.refusals = RefusalLog()
+        #: What adds to each status of the active node.
+        self.status_parts: list[Callable[[Status], None]] = []
         self._mode_log = ModeLog(self.get_logger(), self.refusals, 'INACTIVE')
         self.barrier = Barrier(self.get_logger().error)
         self.qos_conflicts: dict[str, tuple[str, int]] = {}
@@ -250,9 +251,15 @@ class ManagedNode(LifecycleNode):
         elif self._failure:
             self._report(Status(DiagnosticStatus.ERROR, self._failure, {'mode': 'UNCONFIGURED'}))
         else:
-            self.say(Status(DiagnosticStatus.OK, 'not active', {'mode': 'INACTIVE'}))
+            self._note(Status(DiagnosticStatus.OK, 'not active', {'mode': 'INACTIVE'}))
 
     def say(self, status: Status) -> None:
+        """Publish a status of the active node."""
+        for add_to in self.status_parts:
+            add_to(status)
+        self._note(status)
+
+    def _note(self, status: Status) -> None:
         """Publish a status; the log has what is new about it."""
         self._mode_log.note(
             str(status.values['mode']), ord(status.level), status.message, time.monotonic())

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from scripted import CONFIG
 
 from manifold_mpc_ros.config.controller import ControllerConfig
-from manifold_mpc_ros.control.response.torque_history import TorqueHistory
+from manifold_mpc_ros.control.torque_history import TorqueHistory
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc

@@ -15,7 +15,6 @@ from manifold_mpc_ros.control.input_gate import (
     RawState,
     Reason,
     Refusal,
-    RefusalLog,
     StateGate,
     StateSample,
     admit_direction,
@@ -177,16 +176,6 @@ def test_setpoints_and_torques() -> None:
     assert admit_torque('map', (1.0, 2.0, 3.0), 'base_link').reason is Reason.WRONG_FRAME
     assert admit_torque('base_link', (1.0, math.nan, 3.0), 'base_link').reason is (
         Reason.NON_FINITE)
-
-
-def test_refusals_are_counted_by_topic_and_reason() -> None:
-    assert RefusalLog().latest == ''
-    log = RefusalLog()
-    log.add('odometry', Refusal(Reason.STALE, 'old'))
-    log.add('odometry', Refusal(Reason.STALE, 'older'))
-    log.add('imu', Refusal(Reason.FUTURE, 'early'))
-    assert log.counts == {'odometry.stale': 2, 'imu.future': 1}
-    assert log.latest == 'imu: early'
 
 
 @pytest.mark.parametrize('size', [5e-324, 1e-200, 1.0, 1e200, 1.7e308])

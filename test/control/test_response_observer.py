@@ -18,9 +18,9 @@ from manifold_mpc_ros.control.control_loop import ControlLoop
 from manifold_mpc_ros.control.input_gate import StateSample
 from manifold_mpc_ros.control.modes import Mode
 from manifold_mpc_ros.control.response.observer import ResponseObserver, ResponseSettings
-from manifold_mpc_ros.control.response.torque_history import TorqueHistory
 from manifold_mpc_ros.control.solver_thread import DirectSolver, solve_with
 from manifold_mpc_ros.control.tick_time import LOCKSTEP
+from manifold_mpc_ros.control.torque_history import TorqueHistory
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 
 HALF_TURN, AT_TARGET = (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0)

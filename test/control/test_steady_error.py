@@ -16,7 +16,7 @@ from scripted import CONFIG, SAMPLE, STEP_NS, Script, loop_with
 
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.control.control_loop import ControlLoop
-from manifold_mpc_ros.control.response.steady_error import SteadyError
+from manifold_mpc_ros.control.steady_error import SteadyError
 from manifold_mpc_ros.control.tick_time import LOCKSTEP
 from manifold_mpc_ros.lab.recording.bags.run import read_run
 from manifold_mpc_ros.lie import so3

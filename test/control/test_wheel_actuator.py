@@ -21,7 +21,7 @@ from manifold_mpc_ros.control.modes import Mode
 from manifold_mpc_ros.control.output_gate import OutputGate
 from manifold_mpc_ros.control.solver_thread import DirectSolver, solve_with
 from manifold_mpc_ros.control.tick_time import LOCKSTEP
-from manifold_mpc_ros.control.wheel_actuator import WheelActuator
+from manifold_mpc_ros.control.wheels.actuator import WheelActuator
 from manifold_mpc_ros.errors import ConfigurationError
 
 ARRAY = wheels(max_torque_n_m=0.3, max_momentum_n_m_s=2.0)

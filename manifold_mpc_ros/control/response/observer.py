@@ -25,8 +25,7 @@ from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample
 from manifold_mpc_ros.control.response.delay_estimator import DelayEstimator
-from manifold_mpc_ros.control.response.prediction import moved_on
-from manifold_mpc_ros.control.response.torque_history import TorqueHistory
+from manifold_mpc_ros.control.torque_history import TorqueHistory, moved_on
 from manifold_mpc_ros.errors import StepExistenceError
 
 #: Standard deviation of an impulse, as a part of it.

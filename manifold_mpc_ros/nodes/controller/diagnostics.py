@@ -14,7 +14,7 @@ from manifold_mpc_ros.control.control_loop import ControlLoop
 from manifold_mpc_ros.control.decrease_record import Decrease
 from manifold_mpc_ros.control.modes import Mode
 from manifold_mpc_ros.control.response.observer import ResponseObserver
-from manifold_mpc_ros.control.response.steady_error import SteadyError
+from manifold_mpc_ros.control.steady_error import SteadyError
 from manifold_mpc_ros.nodes.managed_node import Status
 
 _LEVELS = {

@@ -157,7 +157,6 @@ class AttitudeControllerNode(ManagedNode):
     def status(self) -> Status:
         """Say the mode, where the torque comes from, how the solver and the ticks do."""
         status = status_of(self._command, self._loop, self._waiting())
-        self._output.name_others(status)
         self._cones.add_to(status)
         self._insight.add_to(status)
         status.values.update(
@@ -277,7 +276,7 @@ class AttitudeControllerNode(ManagedNode):
         if decrease is not None and decrease.burst:
             self.get_logger().warning(f'tick {self._ticks}: {decrease.reason}')
         self._say_what_is_new(command)
-        self._insight.publish(command, self._law.observer, self._config)
+        self._insight.publish(command, self._loop, self._config)
 
     def _say_what_is_new(self, command: Command) -> None:
         """Publish diagnostics in lockstep, when something has changed, and now and then."""
@@ -287,7 +286,7 @@ class AttitudeControllerNode(ManagedNode):
         now_s, (said, said_s) = time.monotonic(), self._said
         if self._config.lockstep or news != said or now_s - said_s >= DIAGNOSTICS_GAP_S:
             self._said = news, now_s
-            self.publish_diagnostics()
+            self.say(self.status())
 
     def _repeat(self, stamp_ns: int) -> None:
         """Publish the answer to a state that is repeated again, to the bit."""

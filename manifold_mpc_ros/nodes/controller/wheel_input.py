@@ -12,7 +12,7 @@ from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.config.interfaces import WHEEL_STATES
 from manifold_mpc_ros.control.control_loop import ControlLoop
 from manifold_mpc_ros.control.input_gate import NANOSECONDS
-from manifold_mpc_ros.control.wheel_reports import WheelReports
+from manifold_mpc_ros.control.wheels.reports import WheelReports
 from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.managed_node import STATE_QOS, ManagedNode
 

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from properties import PROPERTY
 
-from manifold_mpc_ros.control.input_gate import Reason, Refusal, RefusalLog
-from manifold_mpc_ros.control.mode_log import CHANGES_AT_ONCE, ERROR, WARN, ModeLog
+from manifold_mpc_ros.control.input_gate import Reason, Refusal
+from manifold_mpc_ros.nodes.mode_log import CHANGES_AT_ONCE, ERROR, WARN, ModeLog, RefusalLog
 
 OK = 0
 
@@ -117,3 +117,13 @@ def test_refusals_are_counted_to_the_last_and_no_second_has_two_lines(
                for _, line in lines for part in line.split('; '))
     assert told == len(kinds)
     assert all(any(reason.value in line for _, line in lines) for reason, _ in kinds)
+
+
+def test_refusals_are_counted_by_topic_and_reason() -> None:
+    assert RefusalLog().latest == ''
+    log = RefusalLog()
+    log.add('odometry', Refusal(Reason.STALE, 'old'))
+    log.add('odometry', Refusal(Reason.STALE, 'older'))
+    log.add('imu', Refusal(Reason.FUTURE, 'early'))
+    assert log.counts == {'odometry.stale': 2, 'imu.future': 1}
+    assert log.latest == 'imu: early'

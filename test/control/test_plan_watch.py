@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from cases import CERTIFIED, configuration
 
-from manifold_mpc_ros.mpc.plan_watch import LATE, RECENT, PlanWatch
+from manifold_mpc_ros.control.plan_watch import LATE, RECENT, PlanWatch
 from manifold_mpc_ros.mpc.solution import SolveStatus
 
 

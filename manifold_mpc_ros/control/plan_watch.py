@@ -18,21 +18,24 @@ class PlanWatch:
 
     Warns when no plan has reached the terminal set for as many ticks in a row as the horizon has
     steps, and when ten of the last hundred solves took longer than the step.
+
+    ``warnings``: what is wrong now and what would mend it, by kind; the same words while it lasts.
     """
 
     def __init__(self, config: AttitudeMpcConfig) -> None:
         """Start without a solve."""
         self._config, self._outside = config, 0
         self._late: deque[bool] = deque(maxlen=RECENT)
+        self.warnings: dict[str, str] = {}
 
     def see(self, status: SolveStatus | str, solve_time_s: float) -> None:
         """Take one solve."""
         self._outside = self._outside + 1 if status == SolveStatus.INFEASIBLE else 0
         self._late.append(solve_time_s > self._config.step_s)
+        self.warnings = self._judged()
 
-    @property
-    def warnings(self) -> dict[str, str]:
-        """What is wrong now and what would mend it, by kind; the same words while it lasts."""
+    def _judged(self) -> dict[str, str]:
+        """Return the warnings after a solve."""
         config, found = self._config, {}
         if self._outside >= config.horizon:
             view_s = config.horizon * config.step_s

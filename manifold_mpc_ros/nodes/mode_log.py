@@ -11,7 +11,7 @@ import math
 from collections import Counter
 from typing import Protocol
 
-from manifold_mpc_ros.control.input_gate import RefusalLog
+from manifold_mpc_ros.control.input_gate import Refusal
 
 #: The shortest time from one line about refusals to the next, and the longest while the same
 #: kinds go on being refused; it doubles from line to line [s].
@@ -35,6 +35,27 @@ class Logger(Protocol):
 
     def error(self, message: str) -> object:
         """Write what is wrong."""
+
+
+class RefusalLog:
+    """Counters of everything refused, by topic and reason, and the latest sentence of each."""
+
+    def __init__(self) -> None:
+        """Start with nothing refused."""
+        self.counts: Counter[str] = Counter()
+        self.details: dict[str, str] = {}
+        self.latest = ''
+
+    def add(self, topic: str, refusal: Refusal) -> None:
+        """Count one refusal of a message on ``topic``."""
+        key = f'{topic}.{refusal.reason.value}'
+        self.counts[key] += 1
+        self.details[key] = self.latest = f'{topic}: {refusal.detail}'
+
+    def values(self) -> dict[str, object]:
+        """Return the counters and the latest sentence, as diagnostics name them."""
+        counts = {f'refused.{key}': count for key, count in sorted(self.counts.items())}
+        return {**counts, **({'refused_latest': self.latest} if self.latest else {})}
 
 
 class ModeLog:

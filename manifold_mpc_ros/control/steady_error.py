@@ -19,7 +19,8 @@ class SteadyError:
     """Watches the errors of attitude (or pointing) and rate; the first over two horizons.
 
     ``attitude_rad`` and ``rate_rad_s`` are of the last tick, NaN before the first. An error of at
-    most ``largest_rad`` may stay.
+    most ``largest_rad`` may stay. ``stays_rad`` is the mean attitude error of the last horizon
+    where it is too large and stays, else None.
     """
 
     def __init__(self, config: AttitudeMpcConfig, largest_rad: float) -> None:
@@ -31,6 +32,7 @@ class SteadyError:
     def forget(self) -> None:
         """Begin anew: something else is aimed at, or no torque reduces the error."""
         self._errors: list[float] = []
+        self.stays_rad: float | None = None
 
     def see(self, sample: StateSample | None, R_ND: FloatArray | None, *, reduced: bool) -> None:
         """Take the state of a tick; ``reduced``: its torque is to reduce the error."""
@@ -42,12 +44,13 @@ class SteadyError:
         self.attitude_rad = float(error_angle(config, R_ND.T @ sample.R_NB))
         self.rate_rad_s = float(np.linalg.norm(omega_BN_B))
         self._errors = [*self._errors[1 - 2 * config.horizon:], self.attitude_rad]
-        if not reduced:
+        if reduced:
+            self.stays_rad = self._staying_rad()
+        else:
             self.forget()
 
-    @property
-    def stays_rad(self) -> float | None:
-        """The mean attitude error of the last horizon where it is too large and stays."""
+    def _staying_rad(self) -> float | None:
+        """Compare the last horizon with the one before it."""
         errors = self._errors
         if len(errors) < 2 * self._config.horizon or min(errors) <= self._largest_rad:
             return None

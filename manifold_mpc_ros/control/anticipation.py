@@ -8,8 +8,7 @@ from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.control.command import Law
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample
 from manifold_mpc_ros.control.modes import ACTING, Mode
-from manifold_mpc_ros.control.response.prediction import moved_on
-from manifold_mpc_ros.control.response.torque_history import TorqueHistory
+from manifold_mpc_ros.control.torque_history import TorqueHistory, moved_on
 
 #: Torques sent are kept for the longest delay and so many steps.
 KEPT_STEPS = 6
