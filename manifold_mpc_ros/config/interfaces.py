@@ -26,7 +26,7 @@ Interfaces = tuple[tuple[str, str, str], ...]
 
 #: What turns the body, by the value of the parameter ``actuators.kind``: 'module:Class' of an
 #: `Actuator` (control/actuator.py), imported when it is used.
-ACTUATORS = {'torque': 'manifold_mpc_ros.control.torque_actuator:TorqueActuator',
+ACTUATORS = {'torque': 'manifold_mpc_ros.control.actuator:TorqueActuator',
              'wheels': 'manifold_mpc_ros.control.wheels.actuator:WheelActuator'}
 
 #: What the controller subscribes to and the simulator publishes with ``actuators.kind: wheels``.

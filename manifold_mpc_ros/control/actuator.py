@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What an actuator is: body torque in, device command and realised torque out.
 
-A kind of actuator is one file beside this one, with a class that is an `Actuator`, and one entry
+A kind of actuator is one class that is an `Actuator`, such as `TorqueActuator` here, and one entry
 in the table `ACTUATORS` (config/interfaces.py), which names the class.
 """
 
@@ -70,3 +70,52 @@ class Actuator(Protocol):
 
     def rest(self) -> Actuation:
         """Return the command that asks nothing of the devices."""
+
+
+class TorqueActuator:
+    """The actuator ``torque``: a body torque, given by somebody else's devices, within a box.
+
+    The device command is the body torque [N m], and all of it is realised.
+
+    Arguments
+    ---------
+    max_torque_n_m
+        Half widths of the box (3,) [N m], inf where there is no limit; None for no limit at all.
+
+    """
+
+    refusal = ''
+
+    def __init__(self, max_torque_n_m: Array | None) -> None:
+        """Keep the limits."""
+        self._limit = np.full(3, np.inf) if max_torque_n_m is None else max_torque_n_m
+
+    @classmethod
+    def from_config(cls, config: AttitudeMpcConfig) -> TorqueActuator:
+        """Return the actuator with the torque limits of a configuration."""
+        return cls(config.max_torque_n_m)
+
+    def observe(self, omega_BN_B: Array, devices: Array | None) -> None:
+        """Do nothing: what the box gives does not depend on a state."""
+
+    def limited(self, torque_B_n_m: Array, part: float = 1.0) -> Array:
+        """Scale a finite torque (3,) [N m] into this part of the box."""
+        limit = part * self._limit
+        if (np.abs(torque_B_n_m) > limit).any():
+            return scaled_into(torque_B_n_m, limit)
+        return torque_B_n_m
+
+    def allocate(self, torque_B_n_m: Array) -> Actuation:
+        """Command the torque (3,) [N m] itself."""
+        return Actuation(torque_B_n_m, torque_B_n_m, torque_B_n_m)
+
+    def rest(self) -> Actuation:
+        """Command zero torque."""
+        return self.allocate(np.zeros(3))
+
+
+def scaled_into(torque: Array, limit: Array) -> Array:
+    """Return a finite vector (3,) scaled into the box |.| <= limit, its direction kept."""
+    with np.errstate(divide='ignore', over='ignore'):
+        scale = float(np.min(limit / np.abs(torque), initial=1.0, where=torque != 0.0))
+    return np.asarray(np.clip(scale * torque, -limit, limit))

@@ -14,7 +14,7 @@ import numpy as np
 
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.control.actuator import Actuation, Actuator
+from manifold_mpc_ros.control.actuator import Actuation, Actuator, TorqueActuator
 from manifold_mpc_ros.control.anticipation import Anticipation
 from manifold_mpc_ros.control.command import Command, Law
 from manifold_mpc_ros.control.fallback_law import FallbackLaw
@@ -32,7 +32,6 @@ from manifold_mpc_ros.control.plan_watch import PlanWatch
 from manifold_mpc_ros.control.solver_thread import SolveRequest, SolveResult
 from manifold_mpc_ros.control.steady_error import SteadyError
 from manifold_mpc_ros.control.tick_time import TickTime
-from manifold_mpc_ros.control.torque_actuator import TorqueActuator
 from manifold_mpc_ros.errors import StepExistenceError
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.rate_limits import RateEllipsoid
+from manifold_mpc_ros.control.actuator import scaled_into
 from manifold_mpc_ros.dynamics.inertia import existence_guard
 from manifold_mpc_ros.lie import so3
 
@@ -97,13 +98,6 @@ class FallbackLaw:
             return half_sine if half_sine @ side_B >= 0.0 else -half_sine
         across = side_B - (side_B @ self._axis_B) * self._axis_B
         return across * (np.linalg.norm(half_sine) / np.linalg.norm(across))
-
-
-def scaled_into(torque: Array, limit: Array) -> Array:
-    """Return a finite vector (3,) scaled into the box |.| <= limit, its direction kept."""
-    with np.errstate(divide='ignore', over='ignore'):
-        scale = float(np.min(limit / np.abs(torque), initial=1.0, where=torque != 0.0))
-    return np.asarray(np.clip(scale * torque, -limit, limit))
 
 
 def _half_swing(axis_B: Array, target_B: Array) -> tuple[float, Array]:

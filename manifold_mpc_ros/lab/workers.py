@@ -17,8 +17,8 @@ from contextlib import contextmanager
 from types import TracebackType
 from typing import Any, Generic, TypeVar
 
-from manifold_mpc_ros.control.exit_with_parent import end_with_parent
 from manifold_mpc_ros.errors import ManifoldMpcError
+from manifold_mpc_ros.nodes.controller.background_build import end_with_parent
 
 State = TypeVar('State')
 Job = TypeVar('Job')

@@ -19,7 +19,7 @@ from scripted import CONFIG, FREE, OMEGA, R_NB, SAMPLE, STEP_NS, TIMEOUT_S, Scri
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.interfaces import ACTUATORS, load
-from manifold_mpc_ros.control.actuator import Actuation
+from manifold_mpc_ros.control.actuator import Actuation, TorqueActuator
 from manifold_mpc_ros.control.command import Law
 from manifold_mpc_ros.control.control_loop import ControlLoop
 from manifold_mpc_ros.control.decrease_monitor import DecreaseMonitor
@@ -27,7 +27,6 @@ from manifold_mpc_ros.control.decrease_record import Decrease, Tolerance
 from manifold_mpc_ros.control.output_gate import OutputGate
 from manifold_mpc_ros.control.solver_thread import DirectSolver, solve_with
 from manifold_mpc_ros.control.tick_time import LOCKSTEP, ClockTime
-from manifold_mpc_ros.control.torque_actuator import TorqueActuator
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 
 AXES_B = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]).T / np.sqrt(3.0)

@@ -12,9 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from properties import PROPERTY, any_vector, finite_vector
 
-from manifold_mpc_ros.control.fallback_law import scaled_into
+from manifold_mpc_ros.control.actuator import TorqueActuator, scaled_into
 from manifold_mpc_ros.control.output_gate import SLEW_FRACTION, OutputGate
-from manifold_mpc_ros.control.torque_actuator import TorqueActuator
 
 LIMIT = np.array([0.3, 0.2, 0.1])
 limits = st.tuples(*[st.floats(1e-3, 1e3) | st.just(math.inf)] * 3).map(np.array)

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import os
 import queue
 import threading
 from collections.abc import Callable
@@ -66,3 +68,16 @@ class Rebuild(Generic[Built]):
             done.put(error)
         except Exception as error:  # noqa: BLE001  (said on /diagnostics and in the log)
             done.put(ManifoldMpcError(f'{type(error).__name__}: {error}'))
+
+
+def end_with_parent() -> None:
+    """Have this process leave when its parent is gone, which an idle worker would not notice."""
+    threading.Thread(target=_wait_for_the_end, daemon=True).start()
+
+
+def _wait_for_the_end() -> None:
+    """Wait until the parent has ended, then end."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)

@@ -16,7 +16,6 @@ from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.control.command import Law
 from manifold_mpc_ros.control.consistency import MotionBounds
 from manifold_mpc_ros.control.decrease_monitor import monitor_for
-from manifold_mpc_ros.control.exit_with_parent import end_with_parent
 from manifold_mpc_ros.control.response.observer import ResponseObserver, ResponseSettings
 from manifold_mpc_ros.control.solver_thread import (
     DirectSolver,
@@ -26,6 +25,7 @@ from manifold_mpc_ros.control.solver_thread import (
     solve_with,
 )
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
+from manifold_mpc_ros.nodes.controller.background_build import end_with_parent
 from manifold_mpc_ros.terminal.design import TerminalDesign
 
 #: Part of a tick that a plan may take; then the tick goes on without it.
