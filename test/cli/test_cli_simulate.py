@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from manifold_mpc_ros.sim.closed_loop import ClosedLoopLog
+from manifold_mpc_ros.lab.closed_loop import ClosedLoopLog
 
 Command = Callable[..., tuple[int, str, str]]
 ROTATED_60_DEG = [0.0, 0.0, 0.5, 0.8660254037844386]  # about z

@@ -9,10 +9,10 @@ import pytest
 from cases import CERTIFIED, configuration, random_states
 
 from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.lab.closed_loop import ModelPlant
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.solution import SolveStatus
-from manifold_mpc_ros.sim.model_plant import ModelPlant
 
 D = np.array([0.1, -0.05, 0.02])
 LIMIT = 0.3

@@ -15,11 +15,11 @@ from cases import CERTIFIED, configuration
 from manifold_mpc_ros.config.simulator import SimulatorConfig
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.lab.closed_loop import ModelPlant
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.reference import Reference, reference_torque
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
-from manifold_mpc_ros.sim.model_plant import ModelPlant
 from manifold_mpc_ros.sim.plant import Plant
 
 H, N = 0.1, 30

@@ -13,14 +13,14 @@ import pytest
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig, SimulatorConfig
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.errors import ConfigurationError, StepExistenceError
-from manifold_mpc_ros.lie import so3
-from manifold_mpc_ros.sim.closed_loop import (
+from manifold_mpc_ros.lab.closed_loop import (
     ClosedLoopLog,
+    ModelPlant,
     Tick,
     run_closed_loop,
     settling_time,
 )
-from manifold_mpc_ros.sim.model_plant import ModelPlant
+from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.sim.plant import Plant
 
 CONFIG = SimulatorConfig(

@@ -181,7 +181,7 @@ def test_no_folder_is_crowded() -> None:
     ('lab/domain/verb.py', 'from distributed import Client'),
     ('lab/demo/verb.py', 'from nav_msgs.msg import Odometry'),
     ('mpc/attitude_mpc.py', 'importlib.import_module("rclpy")'),
-    ('sim/closed_loop.py', 'import matplotlib.pyplot as plt'),
+    ('sim/plant.py', 'import matplotlib.pyplot as plt'),
     ('nodes/controller/main.py', 'from rich.table import Table'),
     ('sim/plant.py', 'import time'),
     ('control/solver_thread.py', 'from time import perf_counter'),

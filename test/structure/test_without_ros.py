@@ -74,7 +74,7 @@ except ModuleNotFoundError as error:
 def test_every_module_outside_nodes_imports_without_ros() -> None:
     imported = run(BLOCK + IMPORT_EVERYTHING_BUT_NODES)
     assert {'manifold_mpc_ros.lie.so3', 'manifold_mpc_ros.dynamics.lgvi',
-            'manifold_mpc_ros.mpc.attitude_mpc', 'manifold_mpc_ros.sim.closed_loop',
+            'manifold_mpc_ros.mpc.attitude_mpc', 'manifold_mpc_ros.lab.closed_loop',
             'manifold_mpc_ros.cli.main'} <= set(imported)
 
 

@@ -20,9 +20,8 @@ from manifold_mpc_ros.errors import StepExistenceError
 from manifold_mpc_ros.lab.campaign.case import Case
 from manifold_mpc_ros.lab.campaign.keys import MODEL
 from manifold_mpc_ros.lab.campaign.plan import CampaignPlan
+from manifold_mpc_ros.lab.closed_loop import Body, ModelPlant, Solution
 from manifold_mpc_ros.lie import so3
-from manifold_mpc_ros.sim.closed_loop import Body, Solution
-from manifold_mpc_ros.sim.model_plant import ModelPlant
 from manifold_mpc_ros.sim.plant import Plant
 
 Array: TypeAlias = NDArray[Any]

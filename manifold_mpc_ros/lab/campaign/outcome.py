@@ -19,10 +19,10 @@ from manifold_mpc_ros.lab.campaign.keys import MODEL, PLANT
 from manifold_mpc_ros.lab.campaign.loop import Course, PlanningController, run_case
 from manifold_mpc_ros.lab.campaign.plan import CampaignPlan
 from manifold_mpc_ros.lab.campaign.sets import Limits
+from manifold_mpc_ros.lab.closed_loop import settling_time
 from manifold_mpc_ros.lab.reference.stage_cost import stage_costs
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.target import error_angle
-from manifold_mpc_ros.sim.closed_loop import settling_time
 
 Array: TypeAlias = NDArray[Any]
 

@@ -24,10 +24,10 @@ from manifold_mpc_ros.cli.processes import (
 from manifold_mpc_ros.config.control_law import SimulatorConfig
 from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.errors import ManifoldMpcError
+from manifold_mpc_ros.lab.closed_loop import settling_time
 from manifold_mpc_ros.lab.demo.bag import DemoBag
 from manifold_mpc_ros.lab.demo.watch import HOLD_S, StartWatch, loop_is_closed, watch_until_settled
 from manifold_mpc_ros.mpc.target import error_angle
-from manifold_mpc_ros.sim.closed_loop import settling_time
 
 if TYPE_CHECKING:
     from rich.console import Console

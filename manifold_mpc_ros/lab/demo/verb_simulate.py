@@ -16,8 +16,8 @@ from manifold_mpc_ros.cli import arguments as shared
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig, SimulatorConfig
 from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.control.plan_watch import PlanWatch
+from manifold_mpc_ros.lab.closed_loop import ClosedLoopLog, run_closed_loop
 from manifold_mpc_ros.mpc.target import error_angle
-from manifold_mpc_ros.sim.closed_loop import ClosedLoopLog, run_closed_loop
 from manifold_mpc_ros.sim.plant import Plant
 
 if TYPE_CHECKING:

@@ -12,10 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from manifold_mpc_ros.cli import arguments as shared
+from manifold_mpc_ros.lab.closed_loop import ClosedLoopLog, ModelPlant, run_closed_loop
 from manifold_mpc_ros.lab.discontinuity.findings import paper_config
 from manifold_mpc_ros.lie import so3
-from manifold_mpc_ros.sim.closed_loop import ClosedLoopLog, run_closed_loop
-from manifold_mpc_ros.sim.model_plant import ModelPlant
 
 EXAMPLES = """\
   manifold-mpc figures
