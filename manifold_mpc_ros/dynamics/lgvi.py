@@ -16,7 +16,6 @@ The formulas are in `scalar_form`; one body and a batch of them run the same lin
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -24,13 +23,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from manifold_mpc_ros.dynamics import scalar_form
 from manifold_mpc_ros.dynamics.inertia import principal_moments
-from manifold_mpc_ros.dynamics.riccati_route import solve_riccati
 from manifold_mpc_ros.dynamics.scalar_form import Matrix, Vector
 from manifold_mpc_ros.errors import ConfigurationError, StepExistenceError
 
 Array: TypeAlias = NDArray[np.float64]
 Forcing: TypeAlias = Literal['symmetric', 'paper']
-Solver: TypeAlias = Literal['cayley', 'riccati']
 
 # A Newton step at or below this leaves an error of its square times the curvature.
 NEWTON_TOLERANCE = 1e-9
@@ -47,25 +44,6 @@ def cayley_step(m: ArrayLike, J: ArrayLike) -> Array:
     Raises StepExistenceError when |m| reaches the smallest eigenvalue of J (..., 3, 3).
     """
     return _from_vector(_solve_cayley(_to_vector(m), _to_matrix(J)))
-
-
-def riccati_step(m: ArrayLike, J: ArrayLike) -> Array:
-    """Map m = h Pi (..., 3) to f (..., 3, 3) by the paper's algebraic Riccati equation.
-
-    f = (M/2 + S) J_d^-1, -(M/2)^T S - S M/2 - S^2 + (J_d^2 + M^2/4) = 0, M = m^x. See
-    `riccati_route` for the solution; it takes one Schur form an item, so batches are slow.
-    Agrees with `cayley_step` to 1e-12 up to 0.99 of the bound (test_lgvi_implicit.py).
-
-    Raises StepExistenceError like `cayley_step`, and for a flat body (J_d singular).
-    """
-    m = np.asarray(m, dtype=np.float64)
-    J = np.asarray(J, dtype=np.float64)
-    _require_existence(_to_vector(m), _to_matrix(J))
-    shape = np.broadcast_shapes(m.shape[:-1], J.shape[:-2])
-    momenta = np.broadcast_to(m, (*shape, 3)).reshape(-1, 3)
-    inertias = np.broadcast_to(J, (*shape, 3, 3)).reshape(-1, 3, 3)
-    steps = [solve_riccati(*one) for one in zip(momenta, inertias, strict=True)]
-    return np.reshape(steps, (*shape, 3, 3))
 
 
 def legendre(c: ArrayLike, J: ArrayLike) -> Array:
@@ -92,7 +70,6 @@ def lgvi_step(
     inertia_kg_m2: ArrayLike,
     step_s: float,
     forcing: Forcing = 'symmetric',
-    solver: Solver = 'cayley',
 ) -> tuple[Array, Array]:
     """Advance attitude (..., 3, 3) and body rate (..., 3) by one step of constant torque tau_B.
 
@@ -109,12 +86,12 @@ def lgvi_step(
     test_lgvi_convergence.py. A body of a batch gets the bits it gets alone (test_lgvi.py).
 
     Raises StepExistenceError when |h p| reaches the smallest principal inertia, and
-    ConfigurationError for an unknown forcing or solver.
+    ConfigurationError for an unknown forcing.
     """
     omega, tau, J = _to_vector(omega_BN_B), _to_vector(tau_B), _to_matrix(inertia_kg_m2)
     p = scalar_form.add(scalar_form.apply(J, omega), tau, _torque_before_s(forcing, step_s))
     m = (step_s * p[0], step_s * p[1], step_s * p[2])
-    increment = _increment_solver(solver)(m, J)
+    increment = scalar_form.rotation_increment(_solve_cayley(m, J))
     change = scalar_form.add(scalar_form.apply_transposed(increment, p), tau, step_s)
     R = scalar_form.renormalised(scalar_form.add_increment(_to_matrix(R_NB), increment))
     return _from_matrix(R), _from_vector(scalar_form.add(omega, scalar_form.solve(J, change)))
@@ -140,15 +117,6 @@ def _torque_before_s(forcing: str, step_s: float) -> float:
     if forcing == 'paper':
         return 0.0
     raise ConfigurationError('forcing', forcing, "'symmetric' or 'paper'")
-
-
-def _increment_solver(solver: str) -> Callable[[Vector, Matrix], Matrix]:
-    """Return the map from (m, J) to f - I."""
-    if solver == 'cayley':
-        return lambda m, J: scalar_form.rotation_increment(_solve_cayley(m, J))
-    if solver == 'riccati':
-        return lambda m, J: _to_matrix(riccati_step(_from_vector(m), _from_matrix(J)) - np.eye(3))
-    raise ConfigurationError('solver', solver, "'cayley' or 'riccati'")
 
 
 def _solve_cayley(m: Vector, J: Matrix) -> Vector:

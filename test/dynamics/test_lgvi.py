@@ -4,8 +4,6 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 import pytest
 import strategies
@@ -103,28 +101,14 @@ def test_symmetric_forcing_is_reversible_and_the_paper_s_is_not(name: str) -> No
     assert back['paper'] > 1e-3
 
 
-def test_solvers_give_the_same_step() -> None:
-    J, h = INERTIAS['off_diagonal'], 0.2
-    state = random_states('solvers', J, 100, h)
-    by = {
-        solver: lgvi.lgvi_step(*state, inertia_kg_m2=J, step_s=h, solver=solver)
-        for solver in ('cayley', 'riccati')
-    }
-    for one, other in zip(by['cayley'], by['riccati'], strict=True):
-        assert largest(one - other) < 1e-12
+def test_an_unknown_forcing_is_refused_by_name() -> None:
+    with pytest.raises(ConfigurationError, match="forcing: 'euler'"):
+        lgvi.lgvi_step(np.eye(3), np.zeros(3), np.zeros(3), inertia_kg_m2=np.eye(3), step_s=0.1,
+                       forcing='euler')
 
 
-@pytest.mark.parametrize(('key', 'value'), [('forcing', 'euler'), ('solver', 'bisection')])
-def test_unknown_forcing_and_solver_are_refused_by_name(key: str, value: str) -> None:
-    options = {'inertia_kg_m2': np.eye(3), 'step_s': 0.1, key: value}
-    with pytest.raises(ConfigurationError, match=f"{key}: '{value}'"):
-        lgvi.lgvi_step(np.eye(3), np.zeros(3), np.zeros(3), **options)
-
-
-@pytest.mark.parametrize(
-    ('forcing', 'solver'), itertools.product(['symmetric', 'paper'], ['cayley', 'riccati'])
-)
-def test_each_body_of_a_batch_gets_the_bits_it_gets_alone(forcing: str, solver: str) -> None:
+@pytest.mark.parametrize('forcing', ['symmetric', 'paper'])
+def test_each_body_of_a_batch_gets_the_bits_it_gets_alone(forcing: str) -> None:
     """Bodies of a batch need different numbers of Newton steps; each stops at its own."""
     rng = strategies.generator('batch')
     h, n = 0.2, 60
@@ -134,7 +118,7 @@ def test_each_body_of_a_batch_gets_the_bits_it_gets_alone(forcing: str, solver: 
     tau = 0.02 * bound / h * strategies.unit_vectors(rng, n)
     omega = np.linalg.solve(J, p[..., None])[..., 0]
     R = so3.random_rotations(rng, n)
-    options = {'step_s': h, 'forcing': forcing, 'solver': solver}
+    options = {'step_s': h, 'forcing': forcing}
     shape = (3, 4, 5)
     batch = lgvi.lgvi_step(
         R.reshape(*shape, 3, 3), omega.reshape(*shape, 3), tau.reshape(*shape, 3),

@@ -21,11 +21,12 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from manifold_mpc_ros.dynamics.inertia import nonstandard_inertia
-from manifold_mpc_ros.dynamics.lgvi import cayley_step, riccati_step
+from manifold_mpc_ros.dynamics.lgvi import cayley_step
 from manifold_mpc_ros.errors import DesignError
 from manifold_mpc_ros.lab.certification.certify import prove
 from manifold_mpc_ros.lab.certification.enclosure import Loop, MeanValueForms, exact
 from manifold_mpc_ros.lab.certification.jets import Jet
+from manifold_mpc_ros.lab.reference.riccati_route import riccati_step
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.terminal.attitude_problem import attitude_problem
 from manifold_mpc_ros.terminal.existence import check_existence
