@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from manifold_mpc_ros.config.wheels import WheelArray
     from manifold_mpc_ros.dynamics.lgvi import lgvi_step
     from manifold_mpc_ros.errors import ManifoldMpcError
+    from manifold_mpc_ros.lab.batch.batch_mpc import BatchMpc
     from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
-    from manifold_mpc_ros.mpc.batch_mpc import BatchMpc
     from manifold_mpc_ros.mpc.reference import Reference
     from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
     from manifold_mpc_ros.terminal.design import TerminalDesign
@@ -31,7 +31,7 @@ __all__ = [
 # The module of each public name, as above, where type checkers read it.
 _MODULES = {
     'AttitudeMpc': 'mpc.attitude_mpc', 'AttitudeMpcConfig': 'config.control_law',
-    'AttitudeMpcSolution': 'mpc.solution', 'BatchMpc': 'mpc.batch_mpc',
+    'AttitudeMpcSolution': 'mpc.solution', 'BatchMpc': 'lab.batch.batch_mpc',
     'Cone': 'config.cones', 'ManifoldMpcError': 'errors', 'Reference': 'mpc.reference',
     'SolveStatus': 'mpc.solution', 'TerminalDesign': 'terminal.design',
     'WheelArray': 'config.wheels', 'lgvi_step': 'dynamics.lgvi',

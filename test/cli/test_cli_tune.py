@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.lab.batch.model_loop import LoopingMpc
 from manifold_mpc_ros.lab.tune.rule import bang_bang_time_s
 from manifold_mpc_ros.lab.tune.trial import Slew, fly
-from manifold_mpc_ros.mpc.model_loop import LoopingMpc
 
 Command = Callable[..., tuple[int, str, str]]
 

@@ -15,9 +15,9 @@ from reference import closed_loop
 
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.lab.batch.batch_mpc import BatchMpc
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
-from manifold_mpc_ros.mpc.batch_mpc import BatchMpc
 
 Array = NDArray[np.float64]
 TICKS = 20

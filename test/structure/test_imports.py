@@ -26,7 +26,7 @@ FLIES = ('errors', 'lie', 'config', 'dynamics', 'terminal', 'mpc', 'control', 's
 LAYERS = (*FLIES, 'cli', 'lab')
 MAY_IMPORT = {layer: set(LAYERS[:rank + 1]) for rank, layer in enumerate(LAYERS)}
 # The package's own __init__ has the public names, which programs and the command line may use.
-MAY_IMPORT[''] = {'errors', 'config', 'dynamics', 'terminal', 'mpc'}
+MAY_IMPORT[''] = {'errors', 'config', 'dynamics', 'terminal', 'mpc', 'lab'}
 MAY_IMPORT['cli'] -= {'nodes'}
 MAY_IMPORT['cli'].add('')
 MAY_IMPORT['lab'].add('')

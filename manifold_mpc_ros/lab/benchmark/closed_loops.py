@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from manifold_mpc_ros.lab.batch.batch_mpc import BatchCourse, BatchMpc
 from manifold_mpc_ros.lab.benchmark.peers.problem import (
     MAX_RATE_RAD_S,
     MAX_TORQUE_N_M,
@@ -17,7 +18,6 @@ from manifold_mpc_ros.lab.benchmark.peers.problem import (
     comparison_config,
 )
 from manifold_mpc_ros.lie import so3
-from manifold_mpc_ros.mpc.batch_mpc import BatchCourse, BatchMpc
 
 SEED = 0
 LARGEST_RATE_RAD_S = 0.2

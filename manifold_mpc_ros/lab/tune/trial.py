@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from manifold_mpc_ros.lab.batch.model_loop import LoopingMpc
 from manifold_mpc_ros.lab.tune import rule
 from manifold_mpc_ros.lie import so3
-from manifold_mpc_ros.mpc.model_loop import LoopingMpc
 from manifold_mpc_ros.mpc.solution import SolveStatus
 from manifold_mpc_ros.mpc.target import error_angle
 

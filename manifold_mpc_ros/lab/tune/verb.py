@@ -23,8 +23,8 @@ from manifold_mpc_ros.lab.tune.rule import Timing, Weights
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from manifold_mpc_ros.lab.batch.model_loop import LoopingMpc
     from manifold_mpc_ros.lab.tune.trial import Outcome, Slew
-    from manifold_mpc_ros.mpc.model_loop import LoopingMpc
 
 EXAMPLES = """\
   manifold-mpc tune mine.yaml -o mine_controller.yaml
@@ -119,8 +119,8 @@ def _values(given: Mapping[str, Any]) -> dict[str, Value]:
 def _fly(values: Mapping[str, Value], timing: Timing, weights: Weights, half_turn: float,
          slews: Sequence[Slew], accuracy: float) -> Trial:
     """Build one controller and fly every slew."""
+    from manifold_mpc_ros.lab.batch.model_loop import LoopingMpc
     from manifold_mpc_ros.lab.tune import trial
-    from manifold_mpc_ros.mpc.model_loop import LoopingMpc
     chosen, config = rule.controller(values, timing, weights, half_turn)
     mpc = LoopingMpc(config)
     return Trial(weights, chosen, mpc, trial.fly(mpc, slews, accuracy))

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.errors import ConfigurationError
-from manifold_mpc_ros.mpc.model_loop import LoopingMpc
+from manifold_mpc_ros.lab.batch.model_loop import LoopingMpc
 from manifold_mpc_ros.mpc.scaling import Array
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 
