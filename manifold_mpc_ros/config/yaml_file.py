@@ -24,18 +24,6 @@ _Loader.add_implicit_resolver(
     list('-+0123456789'))
 
 
-class _Dumper(yaml.SafeDumper):
-    """YAML with quoted text and no alias."""
-
-    def ignore_aliases(self, _data: Any) -> bool:
-        """Write everything out."""
-        return True
-
-
-_Dumper.add_representer(str, lambda dumper, text: dumper.represent_scalar(
-    'tag:yaml.org,2002:str', text, style="'"))
-
-
 def read_parameter_file(path: str | Path, node_name: str) -> dict[str, Any]:
     """Return the parameters that a ROS parameter file gives to a node, as dotted names.
 
@@ -77,15 +65,6 @@ def applies(section: str, full_name: str) -> bool:
     return re.fullmatch(pattern.replace(r')\*', ')*'), full_name, re.ASCII) is not None
 
 
-def parameter_file_text(node_name: str, values: Mapping[str, Any]) -> str:
-    """Return the text of a parameter file that gives ``values`` to a node in any namespace.
-
-    Text is quoted and nothing is an alias: ROS takes ``1e5`` and ``nan`` for numbers and ``n``
-    for false where YAML does not, and refuses aliases.
-    """
-    return yaml.dump({f'/**/{node_name}': {PARAMETERS_KEY: dict(values)}}, Dumper=_Dumper)
-
-
 def _full_names(sections: Sequence[str], node_name: str) -> list[str]:
     """Return the full names of the nodes of one name that sections are for; root alone if it is.
 
@@ -123,34 +102,6 @@ def parse_mapping(text: str, what: str, source: str) -> Mapping[str, Any]:
     return document
 
 
-def flatten_parameters(tree: Mapping[str, Any]) -> dict[str, Any]:
-    """Return nested groups of parameters as one level with dotted names, as ROS has them."""
-    return _flatten(tree, '')
-
-
 def _read(path: str | Path) -> list[tuple[str, dict[str, RosValue]]]:
     """Return the sections of a ROS parameter file."""
     return parse_ros_parameters(read_text(path, 'parameter file'), str(path))
-
-
-def _flatten(tree: Mapping[str, Any], prefix: str) -> dict[str, Any]:
-    """Return nested groups as one level with dotted names."""
-    flat: dict[str, Any] = {}
-    for key, value in tree.items():
-        name = f'{prefix}{key}'
-        if isinstance(value, Mapping) and value:
-            flat.update(_flatten(value, f'{name}.'))
-        else:
-            flat[name] = _ros_value(name, value)
-    return flat
-
-
-def _ros_value(name: str, value: Any) -> Any:
-    """Return a value that ROS can hold: a scalar, or a list of scalars of one type."""
-    items = value if isinstance(value, list) else [value]
-    if not items or not all(isinstance(item, (bool, int, float, str)) for item in items):
-        raise ConfigurationError(name, value, 'a number, text, true or false, or a list of them')
-    if len({type(item) for item in items}) > 1:
-        raise ConfigurationError(
-            name, value, 'a list of one type (ROS asks for 1.0 where the others are 0.5)')
-    return value

@@ -18,8 +18,9 @@ from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.config.parameter import resolve_parameters
 from manifold_mpc_ros.config.simulator import SimulatorConfig
 from manifold_mpc_ros.config.tables import CONTROLLER_PARAMETERS, SIMULATOR_PARAMETERS
-from manifold_mpc_ros.config.yaml_file import flatten_parameters, parse_mapping
+from manifold_mpc_ros.config.yaml_file import parse_mapping
 from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.lab.parameter_files import flatten_parameters
 
 scalars = st.none() | st.booleans() | st.integers() | any_float | st.text(max_size=6)
 values = scalars | st.lists(scalars, max_size=4) | st.lists(any_float, min_size=3, max_size=3)

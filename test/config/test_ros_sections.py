@@ -22,11 +22,11 @@ from manifold_mpc_ros.config.parameter import resolve_parameters
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
 from manifold_mpc_ros.config.yaml_file import (
     applies,
-    parameter_file_text,
     read_parameter_file,
     sections_of,
 )
 from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.lab.parameter_files import parameter_file_text
 
 
 @pytest.mark.parametrize('foreign', [

@@ -194,7 +194,7 @@ def test_a_wrong_import_is_found(path: str, source: str) -> None:
     ('lie/so3.py', 'from ..errors import ManifoldMpcError\nimport numpy as np'),
     ('lie/so3.py', 'from . import symbolic'),
     ('terminal/manifold.py', 'from manifold_mpc_ros.lie.symbolic import quaternion_log'),
-    ('terminal/attitude_problem.py', 'from manifold_mpc_ros.dynamics.symbolic import cayley_step'),
+    ('terminal/problem_of.py', 'from manifold_mpc_ros.dynamics.symbolic import cayley_step'),
     ('mpc/attitude_mpc.py', 'import time'),
     ('config/control_law.py', 'from manifold_mpc_ros.config.checks import finite'),
     ('nodes/controller/node.py', 'import rclpy, time'),

@@ -16,11 +16,10 @@ from linear_cases import linear_problem, linearisation, random_cases
 from numpy.typing import NDArray
 
 from manifold_mpc_ros.errors import DesignError
-from manifold_mpc_ros.terminal.attitude_problem import attitude_problem
 from manifold_mpc_ros.terminal.design import design_terminal
 from manifold_mpc_ros.terminal.existence import check_existence, symplectic_pencil
 from manifold_mpc_ros.terminal.linearisation import linearise
-from manifold_mpc_ros.terminal.pointing_problem import pointing_problem
+from manifold_mpc_ros.terminal.problem_of import attitude_problem, pointing_problem
 from manifold_mpc_ros.terminal.riccati import solve_riccati
 from manifold_mpc_ros.terminal.rigid_body import quadratic, trace_hessian
 

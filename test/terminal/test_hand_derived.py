@@ -12,8 +12,8 @@ from cases import LIMITS, configuration
 from hand_derived import hand_derived
 from strategies import INERTIAS
 
-from manifold_mpc_ros.terminal.attitude_problem import attitude_problem
 from manifold_mpc_ros.terminal.design import design_terminal
+from manifold_mpc_ros.terminal.problem_of import attitude_problem
 
 SYMMETRIC: dict[str, Any] = {'forcing': 'symmetric'}
 WEIGHTS: dict[str, Any] = {

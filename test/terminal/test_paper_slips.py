@@ -28,10 +28,10 @@ from manifold_mpc_ros.lab.certification.enclosure import Loop, MeanValueForms, e
 from manifold_mpc_ros.lab.certification.jets import Jet
 from manifold_mpc_ros.lab.reference.riccati_route import riccati_step
 from manifold_mpc_ros.lie import so3
-from manifold_mpc_ros.terminal.attitude_problem import attitude_problem
 from manifold_mpc_ros.terminal.existence import check_existence
 from manifold_mpc_ros.terminal.level import largest_level
 from manifold_mpc_ros.terminal.linearisation import Linearisation, linearise
+from manifold_mpc_ros.terminal.problem_of import attitude_problem
 from manifold_mpc_ros.terminal.riccati import solve_riccati
 
 Array = NDArray[np.float64]

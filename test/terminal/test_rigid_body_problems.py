@@ -18,12 +18,15 @@ from strategies import INERTIAS, generator, unit_vectors
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics.lgvi import legendre, lgvi_step, step_rotation
 from manifold_mpc_ros.lie import so3
-from manifold_mpc_ros.terminal.attitude_problem import attitude_problem
 from manifold_mpc_ros.terminal.linearisation import linearise
 from manifold_mpc_ros.terminal.manifold import tangent_basis
-from manifold_mpc_ros.terminal.pointing_problem import pointing_problem
 from manifold_mpc_ros.terminal.problem import ManifoldProblem
-from manifold_mpc_ros.terminal.problem_of import problem_of, terminal_design
+from manifold_mpc_ros.terminal.problem_of import (
+    attitude_problem,
+    pointing_problem,
+    problem_of,
+    terminal_design,
+)
 from manifold_mpc_ros.terminal.riccati import solve_riccati
 
 Array = NDArray[np.float64]

@@ -23,7 +23,7 @@ from manifold_mpc_ros.cli.processes import (
 from manifold_mpc_ros.config.control_law import SimulatorConfig
 from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, SIMULATOR_NAME
-from manifold_mpc_ros.config.yaml_file import parameter_file_text, read_parameter_file
+from manifold_mpc_ros.config.yaml_file import read_parameter_file
 from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.lab.fault_injection.fault import (
@@ -35,6 +35,7 @@ from manifold_mpc_ros.lab.fault_injection.fault import (
     TORQUE,
 )
 from manifold_mpc_ros.lab.fault_injection.lifetimes import Life
+from manifold_mpc_ros.lab.parameter_files import parameter_file_text
 
 NAMES = {CONTROLLER: CONTROLLER_NAME, SIMULATOR: SIMULATOR_NAME}
 #: Between two looks at everything [s].

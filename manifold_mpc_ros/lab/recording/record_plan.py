@@ -11,8 +11,8 @@ from manifold_mpc_ros.config.description import state_description
 from manifold_mpc_ros.config.interfaces import command_topics, state_topics
 from manifold_mpc_ros.config.parameter import Value
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, SIMULATOR_NAME
-from manifold_mpc_ros.config.yaml_file import parameter_file_text
 from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.lab.parameter_files import parameter_file_text
 from manifold_mpc_ros.lab.recording.scenarios.parts import LinkFault
 from manifold_mpc_ros.lab.recording.scenarios.scenario import Scenario
 

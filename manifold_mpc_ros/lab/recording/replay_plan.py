@@ -15,7 +15,8 @@ from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.config.description import PLAIN
 from manifold_mpc_ros.config.parameter import Value, resolve_parameters, with_named
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
-from manifold_mpc_ros.config.yaml_file import parameter_file_text, read_parameter_file
+from manifold_mpc_ros.config.yaml_file import read_parameter_file
+from manifold_mpc_ros.lab.parameter_files import parameter_file_text
 
 if TYPE_CHECKING:
     from manifold_mpc_ros.config.checks import FloatArray

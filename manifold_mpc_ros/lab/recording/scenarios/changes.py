@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 from manifold_mpc_ros.config.parameter import ParameterSpec, Value, refuse_unknown, with_named
-from manifold_mpc_ros.config.yaml_file import flatten_parameters
 from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.lab.parameter_files import flatten_parameters
 
 Built = TypeVar('Built')
 
