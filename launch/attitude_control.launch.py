@@ -41,6 +41,8 @@ TOPICS = {
     'imu': "states, the controller's other input",
     'attitude_setpoint': 'commanded attitude',
     'direction_setpoint': 'commanded direction (target: pointing)',
+    'reference': 'commanded attitudes over time',
+    'odometry_setpoint': 'commanded attitude that goes on at its rate',
     'torque_command': 'body torque, controller and simulator',
     'clock': 'simulated time; clock:=clock gives each namespace a time of its own',
 }

@@ -42,6 +42,7 @@ class ControllerConfig:
     max_disturbance_n_m: list[float]
     drift_n_m: float
     rate_noise_rad_s: float
+    reference_timeout_s: float
     inertial_frame_id: str
     body_frame_id: str
     initial_setpoint: str

@@ -151,6 +151,11 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
         'disturbance.rate_noise_rad_s', 'float', 1e-5,
         'standard deviation of a measured rate about each body axis', unit='rad/s', low=1e-12,
         high=100.0),
+    ParameterSpec(
+        'reference.timeout_s', 'float', 0.0,
+        'take what moves from reference and odometry_setpoint, and let an odometry_setpoint go on '
+        'at its rate for so long; 0: take neither', unit='s', low=0.0, high=86400.0,
+        read_only=True, name_in_config='reference_timeout_s'),
     _INERTIAL_FRAME,
     _BODY_FRAME,
     ParameterSpec(

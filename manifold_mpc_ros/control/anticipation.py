@@ -59,6 +59,12 @@ class Anticipation:
         """The torque (3,) [N m] that acts unasked, None where nobody looks for one."""
         return None if self._law.observer is None else self._law.observer.compensated_B_n_m
 
+    @property
+    def delay_ns(self) -> int:
+        """The delay that plans are made for [ns]."""
+        law = self._law
+        return _ns(law.actuation_delay_s if law.observer is None else law.observer.delay.delay_s)
+
     def state_when_acting(
         self, sample: StateSample, time_ns: int, age_ns: int,
     ) -> tuple[FloatArray, FloatArray]:
@@ -69,12 +75,11 @@ class Anticipation:
 
         Raises StepExistenceError where the implicit step is not guaranteed.
         """
-        law, disturbance = self._law, self.disturbance_B_n_m
-        delay_s = law.actuation_delay_s if law.observer is None else law.observer.delay.delay_s
-        torques = self._sent.between(time_ns - age_ns - _ns(delay_s), time_ns)
+        disturbance = self.disturbance_B_n_m
+        torques = self._sent.between(time_ns - age_ns - self.delay_ns, time_ns)
         if disturbance is not None:
             torques = ((lasting_ns, torque + disturbance) for lasting_ns, torque in torques)
-        return moved_on(sample.R_NB, sample.omega_BN_B, torques, law.config)
+        return moved_on(sample.R_NB, sample.omega_BN_B, torques, self._law.config)
 
 
 def _ns(seconds: float) -> int:

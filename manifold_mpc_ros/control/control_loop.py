@@ -31,6 +31,7 @@ from manifold_mpc_ros.control.output_gate import OutputGate
 from manifold_mpc_ros.control.plan_watch import PlanWatch
 from manifold_mpc_ros.control.solver_thread import SolveRequest, SolveResult
 from manifold_mpc_ros.control.steady_error import SteadyError
+from manifold_mpc_ros.control.target import FixedTarget, Target, goes_on
 from manifold_mpc_ros.control.tick_time import TickTime
 from manifold_mpc_ros.errors import StepExistenceError
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
@@ -83,8 +84,9 @@ class ControlLoop:
         self.logic.reset()
         self.gate.forget()
         self.output.zero()
-        self._R_ND: FloatArray | None = None if self._hold else np.eye(3)
+        self.target: Target | None = None if self._hold else FixedTarget(np.eye(3))
         self.commanded = False
+        self.jumps = 0
         self.sample: StateSample | None = None
         self._flush('reset')
 
@@ -134,8 +136,8 @@ class ControlLoop:
         self.sample = sample
         self.logic.compare(sample)
         self.logic.see()
-        if self._R_ND is None:
-            self._R_ND = sample.R_NB
+        if self.target is None:
+            self.target = FixedTarget(sample.R_NB)
 
     def go_back(self) -> None:
         """Forget the state and the plan: the clock went back."""
@@ -143,11 +145,14 @@ class ControlLoop:
         self.gate.forget()
         self._flush('time started again')
 
-    def aim(self, R_ND: FloatArray) -> None:
-        """Take a commanded attitude that passed the gate."""
-        if self._R_ND is None or not np.array_equal(R_ND, self._R_ND):
+    def aim(self, target: Target) -> None:
+        """Take what is commanded, which passed the gate."""
+        time_ns = 0 if self.sample is None else self.sample.stamp_ns
+        if self.target is None or not goes_on(
+                self.target, target, time_ns, self._law.config.step_s):
             self._void('the setpoint changed')
-        self._R_ND = R_ND
+            self.jumps += target.moves
+        self.target = target
         self.commanded = True
 
     def tick(self, at: TickTime) -> Command:
@@ -174,7 +179,7 @@ class ControlLoop:
         self._ahead.send(time_ns, decision.mode, command.actuation.realised_B_n_m)
         if solution is not None:
             self.plan_watch.see(solution.status, solution.solve_time_s)
-        self.steady_error.see(sample, self._R_ND, reduced=decision.mode in _SOURCES)
+        self.steady_error.see(sample, self.target, reduced=decision.mode in _SOURCES)
         judged = self._judged(command, at)
         self.logic.succeed()
         return judged
@@ -207,10 +212,12 @@ class ControlLoop:
             self._cold = True
             return Facts(age_ns, SolveOutcome.BEYOND_GUARD, detail=(
                 'the rate is beyond the guard of the implicit step')), None
-        assert self._R_ND is not None
+        assert self.target is not None
+        config, acting_ns = self._law.config, time_ns + self._ahead.delay_ns
         result = self._law.solver.solve(SolveRequest(
-            time_ns, R_NB, omega_BN_B, self._R_ND, self._cold, self._epoch,
-            self._ahead.disturbance_B_n_m, self.directions_N, self.output.devices))
+            time_ns, R_NB, omega_BN_B, self.target.at(acting_ns)[0], self._cold, self._epoch,
+            self._ahead.disturbance_B_n_m, self.directions_N, self.output.devices,
+            self.target.over_horizon(acting_ns, config.step_s, config.horizon)))
         if result is None:
             return Facts(age_ns, SolveOutcome.NONE, detail='the solver is late'), None
         offer, solution = self._offer(result), result.solution
@@ -248,13 +255,13 @@ class ControlLoop:
     def _fall_back(self, time_ns: int, age_ns: int) -> FloatArray:
         """Return the torque of the fallback law for the state when it acts, else the latest."""
         assert self.sample is not None
-        assert self._R_ND is not None
+        assert self.target is not None
         try:
             state = self._ahead.state_when_acting(self.sample, time_ns, age_ns)
         except StepExistenceError:
             state = self.sample.R_NB, self.sample.omega_BN_B
         self.output.observe(state[1])
-        torque_B_n_m = self._fallback.torque(*state, self._R_ND)
+        torque_B_n_m = self._fallback.torque(*state, self.target.at(time_ns)[0])
         disturbance = self._ahead.disturbance_B_n_m
         return torque_B_n_m if disturbance is None else torque_B_n_m - disturbance
 

@@ -47,6 +47,7 @@ class Reason(str, Enum):
     STALE = 'stale'
     UNEXPECTED_ANSWER = 'unexpected_answer'
     UNREADABLE = 'unreadable'
+    TOO_FAST = 'too_fast'
 
 
 @dataclass(frozen=True)
@@ -140,7 +141,7 @@ class StateGate:
             or _wrong_frame(raw.inertial_frame_id, self._frames[0], 'inertial')
             or _absent(raw)
             or _bad_quaternion(raw.quaternion_xyzw)
-            or _not_finite(raw.omega_BN_B, 'body rate')
+            or not_finite(raw.omega_BN_B, 'body rate')
             or self._bad_stamp(raw.stamp_ns, now_ns)
         )
         if refusal is not None:
@@ -186,7 +187,7 @@ def admit_direction(
     Any length will do that has a direction: a vector to a target is one, the zero vector is none.
     """
     refusal = (_wrong_frame(frame_id, inertial_frame_id, 'inertial')
-               or _not_finite(direction_N, 'direction'))
+               or not_finite(direction_N, 'direction'))
     if refusal is not None:
         return refusal
     largest = max(map(abs, direction_N))
@@ -201,7 +202,7 @@ def admit_torque(
 ) -> FloatArray | Refusal:
     """Return the body torque [N m] of a command at the plant, or why it must not be used."""
     refusal = (_wrong_frame(frame_id, body_frame_id, 'body')
-               or _not_finite(torque_B, 'torque'))
+               or not_finite(torque_B, 'torque'))
     return np.array(torque_B, dtype=np.float64) if refusal is None else refusal
 
 
@@ -229,7 +230,7 @@ def _absent(raw: RawState) -> Refusal | None:
     return None
 
 
-def _not_finite(values: Sequence[float], what: str) -> Refusal | None:
+def not_finite(values: Sequence[float], what: str) -> Refusal | None:
     """Refuse NaN and infinities."""
     if all(map(math.isfinite, values)):
         return None
@@ -238,7 +239,7 @@ def _not_finite(values: Sequence[float], what: str) -> Refusal | None:
 
 def _bad_quaternion(quaternion_xyzw: Quaternion) -> Refusal | None:
     """Refuse a quaternion that is not finite, or whose norm is off by more than 1e-2."""
-    refusal = _not_finite(quaternion_xyzw, 'quaternion')
+    refusal = not_finite(quaternion_xyzw, 'quaternion')
     norm = math.hypot(*quaternion_xyzw)
     if refusal is None and abs(norm - 1.0) > QUATERNION_NORM_TOLERANCE:
         return Refusal(Reason.QUATERNION_NORM, f'the norm of the quaternion is {norm:.6g}')

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.mpc.reference import Reference
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution
 
 
@@ -26,6 +27,7 @@ class SolveRequest:
     everything was forgotten. ``disturbance_B_n_m`` (3,) is the torque that acts unasked [N m],
     None where nobody looks for one. ``directions_N`` stand in for those of cones, by name.
     ``wheel_momentum_n_m_s`` (n,) is what reaction wheels report, None without wheels.
+    ``reference`` is how a target that moves does so, None for one that is fixed.
     """
 
     time_ns: int
@@ -37,6 +39,7 @@ class SolveRequest:
     disturbance_B_n_m: FloatArray | None = None
     directions_N: Mapping[str, FloatArray] = field(default_factory=dict)
     wheel_momentum_n_m_s: FloatArray | None = None
+    reference: Reference | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +89,8 @@ def solve_with(solver: Solver, max_solve_time_s: float | None = None) -> Solve:
             {'directions_N': request.directions_N} if request.directions_N else {})
         if request.wheel_momentum_n_m_s is not None:
             more['wheel_momentum_n_m_s'] = request.wheel_momentum_n_m_s
+        if request.reference is not None:
+            more['reference'] = request.reference
         return solver.solve(request.R_NB, request.omega_BN_B, request.R_ND,
                             disturbance_B_n_m=request.disturbance_B_n_m,
                             max_solve_time_s=max_solve_time_s, **more)

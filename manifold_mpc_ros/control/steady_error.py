@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.control.input_gate import StateSample
+from manifold_mpc_ros.control.target import Target
 from manifold_mpc_ros.mpc.target import error_angle
 
 #: A mean error that falls by less than this part in a horizon stays.
@@ -34,11 +34,12 @@ class SteadyError:
         self._errors: list[float] = []
         self.stays_rad: float | None = None
 
-    def see(self, sample: StateSample | None, R_ND: FloatArray | None, *, reduced: bool) -> None:
+    def see(self, sample: StateSample | None, target: Target | None, *, reduced: bool) -> None:
         """Take the state of a tick; ``reduced``: its torque is to reduce the error."""
-        if sample is None or R_ND is None:
+        if sample is None or target is None:
             return
-        config, omega_BN_B = self._config, sample.omega_BN_B
+        config, (R_ND, omega_DN_D) = self._config, target.at(sample.stamp_ns)
+        omega_BN_B = sample.omega_BN_B - sample.R_NB.T @ R_ND @ omega_DN_D
         if config.target == 'pointing':  # roll is free
             omega_BN_B = np.cross(config.pointing_axis_B, omega_BN_B)
         self.attitude_rad = float(error_angle(config, R_ND.T @ sample.R_NB))

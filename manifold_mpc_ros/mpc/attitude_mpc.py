@@ -134,14 +134,12 @@ class AttitudeMpc:
             Time [s] after which no pass and no start begins: the best plan so far is the answer,
             'feasible', or 'infeasible' when none has met every limit yet. None: no end.
         directions_N
-            Directions of cones by name, now, (3,), or at every node, (N + 1, 3); those of the
-            configuration for every other cone.
+            Directions of cones by name, (3,), or (N + 1, 3) one a node; the others as configured.
         wheel_momentum_n_m_s
             Momenta (n,) of the wheels, NaN for one that is not there (it keeps its last); at rest
             when None. The solution then has motor torques.
         reference
-            Attitudes and rates of a target that moves, at every node, in place of R_ND. Its torque
-            and rate take their share from what the terminal set keeps (`terminal_share`).
+            A target that moves, in place of R_ND; what it uses of the limits, terminal sets lose.
 
         Raises
         ------
@@ -244,15 +242,17 @@ class AttitudeMpc:
             solver.set_reference(numbers.nodes)
 
     @property
-    def terminal_share(self) -> float:
-        """The part ``rho^2`` of the terminal level that disturbance and reference leave.
-
-        rho is what they leave of torque and rate limits; below `LEAST_SHARE` nothing is promised.
-        """
+    def limits_used(self) -> float:
+        """The largest part of a torque or rate limit that disturbance and reference use."""
         limit = self.config.max_torque_n_m
         acting = np.abs(self._disturbance) / (np.inf if limit is None else limit)
-        used = max((self._reference.torque_share + acting).max(), self._reference.rate_share)
-        return max(LEAST_SHARE, 1.0 - float(used)) ** 2
+        return max(float((self._reference.torque_share + acting).max()),
+                   self._reference.rate_share)
+
+    @property
+    def terminal_share(self) -> float:
+        """The part of the terminal level that they leave; of less than the least, no promise."""
+        return max(LEAST_SHARE, 1.0 - self.limits_used) ** 2
 
     def _aim(self, target: Array) -> None:
         """Forget the warm start where the commanded attitude moved otherwise than foreseen."""
@@ -286,7 +286,8 @@ class AttitudeMpc:
             status=self._status(plan, violation), kkt_residual=plan.progress.residual,
             violation=violation, searched=searched,
             promised_cost=(cost - report.first_cost) * unit.cost,
-            terminal_ratio=report.first_level, local_time_s=self._elapsed_s() - self._begun_s)
+            terminal_ratio=report.first_level, local_time_s=self._elapsed_s() - self._begun_s,
+            limits_used=self.limits_used)
 
     def _elapsed_s(self) -> float:
         """Return the time that the local solvers have taken so far [s]."""

@@ -17,6 +17,7 @@ from scripted import CONFIG, SAMPLE, STEP_NS, Script, loop_with
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.control.control_loop import ControlLoop
 from manifold_mpc_ros.control.steady_error import SteadyError
+from manifold_mpc_ros.control.target import FixedTarget
 from manifold_mpc_ros.control.tick_time import LOCKSTEP
 from manifold_mpc_ros.lab.recording.bags.run import read_run
 from manifold_mpc_ros.lie import so3
@@ -30,7 +31,8 @@ def first_warned(errors_rad: FloatArray, horizon: int = HORIZON) -> int | None:
     """Return the tick, from 1, at which the first warning came."""
     watch = SteadyError(dataclasses.replace(CONFIG, horizon=horizon), LEAST_RAD)
     for tick, error in enumerate(map(float, errors_rad), start=1):
-        watch.see(dataclasses.replace(SAMPLE, R_NB=so3.exp([error, 0.0, 0.0])), np.eye(3),
+        watch.see(dataclasses.replace(SAMPLE, R_NB=so3.exp([error, 0.0, 0.0])),
+                  FixedTarget(np.eye(3)),
                   reduced=True)
         if watch.stays_rad is not None:
             return tick
@@ -85,15 +87,15 @@ def test_the_loop_watches_while_it_commands_and_begins_anew_with_a_setpoint() ->
     ticks(loop, 2)  # two horizons of two steps, and the first tick
     assert loop.steady_error.stays_rad == pytest.approx(math.radians(0.95))
     assert loop.steady_error.rate_rad_s == 0.0
-    loop.aim(so3.exp([0.0, 0.02, 0.0]))
+    loop.aim(FixedTarget(so3.exp([0.0, 0.02, 0.0])))
     assert loop.steady_error.stays_rad is None
     ticks(loop, 4)
     assert loop.steady_error.stays_rad is not None
-    loop.aim(offset)
+    loop.aim(FixedTarget(offset))
     ticks(loop, 4)
     assert loop.steady_error.stays_rad is None
     assert loop.steady_error.attitude_rad < 1e-9
-    loop.aim(np.eye(3))
+    loop.aim(FixedTarget(np.eye(3)))
     ticks(loop, 4)
     loop.logic.paused = True
     ticks(loop, 1)

@@ -22,6 +22,7 @@ from scripted import (
 
 from manifold_mpc_ros.control.input_gate import StateSample
 from manifold_mpc_ros.control.modes import Mode
+from manifold_mpc_ros.control.target import FixedTarget
 from manifold_mpc_ros.control.tick_time import LOCKSTEP, ClockTime
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.lie import so3
@@ -139,7 +140,7 @@ def test_setpoints() -> None:
     np.testing.assert_array_equal(solver.setpoints[-1], np.eye(3))
     assert not loop.commanded
     goal = so3.exp([0.0, 1.0, 0.0])
-    loop.aim(goal)
+    loop.aim(FixedTarget(goal))
     loop.tick(LOCKSTEP)
     np.testing.assert_array_equal(solver.setpoints[-1], goal)
     assert loop.commanded

@@ -29,6 +29,7 @@ from manifold_mpc_ros.control.command import Law
 from manifold_mpc_ros.control.input_gate import StateSample
 from manifold_mpc_ros.control.modes import Mode
 from manifold_mpc_ros.control.solver_thread import DirectSolver, solve_with
+from manifold_mpc_ros.control.target import FixedTarget
 from manifold_mpc_ros.control.tick_time import LOCKSTEP, ClockTime
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.lie import so3
@@ -86,7 +87,7 @@ def test_a_plan_whose_time_ran_out_is_used_where_it_is_no_worse_than_the_stored_
     command = loop.tick(LOCKSTEP)
     assert (command.mode, command.reason) == (
         Mode.HOLD, 'solver: feasible, worse than the stored plan')
-    loop.aim(so3.exp([0.0, 0.0, 0.1]))  # the old value says nothing about another setpoint
+    loop.aim(FixedTarget(so3.exp([0.0, 0.0, 0.1])))  # the old value is about another
     assert loop.tick(LOCKSTEP).mode is Mode.NOMINAL
     solver.cost = 0.9
     assert loop.tick(LOCKSTEP).mode is Mode.NOMINAL

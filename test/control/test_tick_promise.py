@@ -27,6 +27,7 @@ from manifold_mpc_ros.control.decrease_monitor import DecreaseMonitor
 from manifold_mpc_ros.control.decrease_record import Decrease, DecreaseRecord, Tolerance
 from manifold_mpc_ros.control.input_gate import StateSample
 from manifold_mpc_ros.control.solver_thread import DirectSolver, solve_with
+from manifold_mpc_ros.control.target import FixedTarget
 from manifold_mpc_ros.control.tick_time import LOCKSTEP, ClockTime
 from manifold_mpc_ros.lie import so3
 
@@ -82,9 +83,9 @@ def test_a_missed_tick(bench: Bench) -> None:
 
 
 def test_a_new_setpoint_ends_the_promise_and_the_same_again_does_not(bench: Bench) -> None:
-    bench.loop.aim(np.eye(3))
+    bench.loop.aim(FixedTarget(np.eye(3)))
     assert bench.tick().verdict is Decrease.BROKEN
-    bench.loop.aim(so3.exp([0.0, 0.0, 1e-6]))
+    bench.loop.aim(FixedTarget(so3.exp([0.0, 0.0, 1e-6])))
     record = bench.tick()
     assert (record.verdict, record.reason) == (Decrease.NONE, 'the setpoint changed')
     assert bench.tick().verdict is Decrease.BROKEN

@@ -34,7 +34,8 @@ MODULES = {
     'launch_ros.actions': ['Node'],
     'launch_ros.substitutions': ['ExecutableInPackage', 'FindPackageShare'],
 }
-TOPICS = {'odometry', 'imu', 'attitude_setpoint', 'direction_setpoint', 'torque_command', 'clock'}
+TOPICS = {'odometry', 'imu', 'attitude_setpoint', 'direction_setpoint', 'reference',
+          'odometry_setpoint', 'torque_command', 'clock'}
 
 
 class Recorded:

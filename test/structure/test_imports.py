@@ -36,7 +36,7 @@ ROS = {
     'action_msgs', 'ament_index_python', 'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs',
     'launch', 'launch_ros', 'lifecycle_msgs', 'nav_msgs', 'rcl_interfaces', 'rclpy',
     'rosgraph_msgs', 'rosidl_runtime_py', 'sensor_msgs', 'std_msgs', 'std_srvs', 'tf2_ros',
-    'visualization_msgs',
+    'trajectory_msgs', 'visualization_msgs',
 }
 ROS_PLACES = ('nodes/', 'lab/recording/nodes/', 'lab/fault_injection/nodes/',
               'lab/benchmark/latency_probe.py')

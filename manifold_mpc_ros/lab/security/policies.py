@@ -112,7 +112,7 @@ def node_rules(program: Program) -> Rules:
 def commands(parameters: Mapping[str, Any] | None = None) -> set[str]:
     """Return what an operator may command."""
     return _names(setpoint_topics((parameters or {}).get('setpoint_source', PLAIN))) | {
-        'direction_setpoint'}
+        'direction_setpoint', 'odometry_setpoint', 'reference'}
 
 
 def operator_rules(known: Sequence[Program], commanded: set[str]) -> Rules:

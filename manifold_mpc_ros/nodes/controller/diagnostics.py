@@ -15,6 +15,8 @@ from manifold_mpc_ros.control.decrease_record import Decrease
 from manifold_mpc_ros.control.modes import Mode
 from manifold_mpc_ros.control.response.observer import ResponseObserver
 from manifold_mpc_ros.control.steady_error import SteadyError
+from manifold_mpc_ros.control.target import Target
+from manifold_mpc_ros.mpc.reference import LEAST_SHARE
 from manifold_mpc_ros.nodes.managed_node import Status
 
 _LEVELS = {
@@ -53,7 +55,23 @@ def status_of(command: Command | None, loop: ControlLoop, waiting: str) -> Statu
         _add_response(status, loop.observer)
     if loop.sample is not None:
         _add_error(status, loop.steady_error)
+    if loop.target is not None and loop.target.moves:
+        _add_target(status, command, loop.target, loop)
     return status
+
+
+def _add_target(status: Status, command: Command, target: Target, loop: ControlLoop) -> None:
+    """Add to a status how a target moves, and the warning where it cannot be followed."""
+    warning, solution = target.warning(command.stamp_ns), command.solution
+    status.values.update(target='over' if warning else 'moving', target_jumps=loop.jumps)
+    if solution is not None:
+        status.values['target_limits_used'] = solution.limits_used
+        if solution.limits_used > 1.0 - LEAST_SHARE and not warning:
+            warning = (f'the target needs {solution.limits_used:.3g} of what the limits give: '
+                       'followed as near as they allow')
+    if warning:
+        status.level = max(status.level, DiagnosticStatus.WARN)
+        status.message += f'; {warning}'
 
 
 def _add_error(status: Status, error: SteadyError) -> None:

@@ -38,6 +38,13 @@ NOISE_DEVIATIONS = 4.0
 BUILDER_NICENESS = 10
 
 
+def solver_for(config: ControllerConfig, terminal: TerminalDesign | None = None) -> AttitudeMpc:
+    """Design the terminal set where it is not known yet, and build or load the solver."""
+    return AttitudeMpc(
+        config.mpc, backend=config.backend, terminal=terminal,
+        disturbed=config.estimate_disturbance, moving=config.reference_timeout_s > 0.0)
+
+
 def law_with(
     solver: AttitudeMpc, config: ControllerConfig, prepare: Callable[[], None],
 ) -> Law:
@@ -90,5 +97,4 @@ def _stand_back() -> None:
 
 def _design(config: ControllerConfig) -> TerminalDesign:
     """Return the terminal design; the built solver stays in the cache on disk."""
-    return AttitudeMpc(
-        config.mpc, backend=config.backend, disturbed=config.estimate_disturbance).terminal
+    return solver_for(config).terminal

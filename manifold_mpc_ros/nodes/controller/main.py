@@ -30,6 +30,8 @@ PROGRAM = Program(
         *setpoint_topics(),
         WHEEL_STATES,
         ('direction_setpoint', 'geometry_msgs/msg/Vector3Stamped', 'commanded direction'),
+        ('odometry_setpoint', 'nav_msgs/msg/Odometry', 'commanded attitude that moves on'),
+        ('reference', 'trajectory_msgs/msg/MultiDOFJointTrajectory', 'commanded attitudes'),
         ('/clock', 'rosgraph_msgs/msg/Clock', 'time, with use_sim_time'),
         BOND,
     ),

@@ -8,9 +8,6 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from geometry_msgs.msg import Vector3Stamped
-
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.config.interfaces import ACTUATORS, load
 from manifold_mpc_ros.config.parameter import Value
@@ -22,26 +19,22 @@ from manifold_mpc_ros.control.input_gate import (
     Reason,
     Refusal,
     StateGate,
-    admit_direction,
 )
 from manifold_mpc_ros.control.tick_time import LOCKSTEP, ClockTime, TickTime
 from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.cache import why_no_cache
-from manifold_mpc_ros.mpc.target import attitude_towards
-from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.command_output import CommandOutput, command_writers
 from manifold_mpc_ros.nodes.controller.cone_inputs import ConeInputs
 from manifold_mpc_ros.nodes.controller.diagnostics import status_of
 from manifold_mpc_ros.nodes.controller.insight import Insight
-from manifold_mpc_ros.nodes.controller.law_factory import law_with
+from manifold_mpc_ros.nodes.controller.law_factory import law_with, solver_for
 from manifold_mpc_ros.nodes.controller.realtime import Realtime
 from manifold_mpc_ros.nodes.controller.run_time_parameters import LawChanges
+from manifold_mpc_ros.nodes.controller.setpoint_inputs import SetpointInputs
 from manifold_mpc_ros.nodes.controller.tick_timing import AnswerTiming, TickTiming, arrival_s
 from manifold_mpc_ros.nodes.controller.wheel_input import WheelInput
-from manifold_mpc_ros.nodes.described_inputs import DescribedSetpoint
 from manifold_mpc_ros.nodes.managed_node import STATE_QOS, ManagedNode, Status
-from manifold_mpc_ros.nodes.setpoint_input import SetpointInput
 from manifold_mpc_ros.nodes.state_input import StateInput, state_kinds
 from manifold_mpc_ros.nodes.usage import Program
 from manifold_mpc_ros.terminal.design import TerminalDesign
@@ -73,7 +66,6 @@ class AttitudeControllerNode(ManagedNode):
         self._changes.begin(dict(values))
         self._simulated_time = False
         state_kinds(config.state_source)
-        setpoint = DescribedSetpoint(config.setpoint_source, config.inertial_frame_id)
         writers = command_writers(config)
         self._realtime = Realtime(config.scheduler_priority, lock_memory=config.lock_memory)
         if no_cache := why_no_cache():
@@ -87,7 +79,7 @@ class AttitudeControllerNode(ManagedNode):
             initial_setpoint=config.initial_setpoint,
             make_actuator=load(ACTUATORS[config.actuator]).from_config)
         self._command: Command | None = None
-        self._ticks = self._setpoints = 0
+        self._ticks = 0
         self._said: tuple[tuple[object, ...], float] = ((), 0.0)
         self._output = CommandOutput(self, writers)
         self._wheels = WheelInput(self, config)
@@ -95,20 +87,14 @@ class AttitudeControllerNode(ManagedNode):
         self._states = StateInput(
             self, config.state_source, STATE_QOS, self._on_state, self._on_duplicate)
         self._cones = ConeInputs(self, config, self._loop)
-        self._setpoint_inputs = [SetpointInput(
-            self, setpoint.kind, setpoint.topic,
-            lambda message: self._aim('attitude_setpoint', setpoint.admit(message)))]
-        if config.mpc.target == 'pointing':
-            self._setpoint_inputs.append(SetpointInput(
-                self, Vector3Stamped, 'direction_setpoint', self._on_direction))
+        self._setpoints = SetpointInputs(self, config, self._loop, self._stamps_ns)
 
     def take_down(self) -> None:
         """Remove the interfaces; the solver goes with the loop."""
         self._loop.close()
         self._states.close()
         self._cones.close()
-        for setpoints in self._setpoint_inputs:
-            setpoints.close()
+        self._setpoints.close()
         self._output.close()
         self._wheels.close()
         self._insight.close()
@@ -160,7 +146,7 @@ class AttitudeControllerNode(ManagedNode):
         self._cones.add_to(status)
         self._insight.add_to(status)
         status.values.update(
-            ticks=self._ticks, setpoints=self._setpoints, backend=self._law.backend,
+            ticks=self._ticks, setpoints=self._setpoints.count, backend=self._law.backend,
             **self._changes.values(),
             scheduling=self._realtime.scheduling, memory=self._realtime.memory)
         status.values.update(self._timing.values() | self._wheels.values(self._loop))
@@ -173,8 +159,7 @@ class AttitudeControllerNode(ManagedNode):
         self, config: ControllerConfig, terminal: TerminalDesign | None,
     ) -> AttitudeMpc:
         """Design the terminal set where it is not known yet, and build or load the solver."""
-        return AttitudeMpc(config.mpc, backend=config.backend, terminal=terminal,
-                           disturbed=config.estimate_disturbance)
+        return solver_for(config, terminal)
 
     def _build_law(self, config: ControllerConfig, terminal: TerminalDesign | None = None) -> Law:
         """Return what a configuration works with."""
@@ -207,6 +192,13 @@ class AttitudeControllerNode(ManagedNode):
         """Return the time of the node's clock, simulated or not."""
         return int(self.get_clock().now().nanoseconds)
 
+    def _stamps_ns(self) -> int | None:
+        """Return the clock of the stamps; in lockstep it is that of the latest state."""
+        latest = self._loop.sample
+        if self._config.lockstep:
+            return None if latest is None else latest.stamp_ns
+        return self._now_ns()
+
     def _on_state(self, read: RawState | Refusal, info: Mapping[str, Any]) -> None:
         """Take a state or count its refusal; in lockstep, answer."""
         if isinstance(read, Refusal):
@@ -226,24 +218,6 @@ class AttitudeControllerNode(ManagedNode):
     def _on_duplicate(self, topic: str) -> None:
         """Command zero until a reset: which of two publishers is right nobody knows."""
         self._loop.logic.fault(f'two publishers of {topic}')
-
-    def _on_direction(self, message: Vector3Stamped) -> None:
-        """Point the axis along a commanded direction or count its refusal."""
-        admitted = admit_direction(
-            message.header.frame_id, messages.vector_values(message.vector),
-            self._config.inertial_frame_id)
-        self._aim('direction_setpoint', admitted if isinstance(admitted, Refusal)
-                  else attitude_towards(self._config.mpc, admitted))
-
-    def _aim(self, topic: str, admitted: FloatArray | Refusal) -> None:
-        """Take a commanded attitude R_ND while active, or count why it is none."""
-        if not self.active:
-            return
-        if isinstance(admitted, Refusal):
-            self.refusals.add(topic, admitted)
-        else:
-            self._loop.aim(admitted)
-            self._setpoints += 1
 
     def _on_tick(self) -> None:
         """Publish the command that is due."""
@@ -281,7 +255,7 @@ class AttitudeControllerNode(ManagedNode):
     def _say_what_is_new(self, command: Command) -> None:
         """Publish diagnostics in lockstep, when something has changed, and now and then."""
         decrease = command.decrease
-        news = (command.mode, self._setpoints, self._law,
+        news = (command.mode, self._setpoints.count, self._law,
                 decrease is not None and (decrease.verdict, bool(decrease.warning)))
         now_s, (said, said_s) = time.monotonic(), self._said
         if self._config.lockstep or news != said or now_s - said_s >= DIAGNOSTICS_GAP_S:
