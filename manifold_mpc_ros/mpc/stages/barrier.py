@@ -47,7 +47,12 @@ def hard_bounds(y: ca.SX, s: ca.SX, mu: ca.SX) -> Bounds:
 
 
 def elastic_bounds(y: ca.SX, t: ca.SX, s: ca.SX, mu: ca.SX, penalty: float) -> Bounds:
-    """Return the terms of ``value + y = t``, t >= 0 at cost penalty * t: (penalty - s) t -> mu."""
+    """Return the terms of ``value + y = t``, t >= 0 at cost p t, p the penalty.
+
+    Newton's steps of ``s y = mu`` and ``(p - s) t = mu`` with dy and dt eliminated:
+
+        W = s (p - s) / (y (p - s) + t s),      offset = mu / s - y + t - mu / (p - s)
+    """
     gap = penalty - s
     weight = s * gap / (y * gap + t * s)
     return Bounds(y, s, weight, mu / s - y + t - mu / gap)
@@ -99,7 +104,11 @@ def product(values: ca.SX) -> ca.SX:
 
 def advance_multiplier(bounds: Bounds, change: ca.SX, alpha: ca.SX, mu: ca.SX,
                        slack_new: ca.SX) -> ca.SX:
-    """Return the new multipliers after values that the linear model moves by ``change``."""
+    """Return the new multipliers after values that the linear model moves by ``change``.
+
+    ``s + W (change + alpha offset)``, no less than ``(1 - BOUNDARY) s``, and within a factor of
+    MULTIPLIER_SPREAD of the central ``mu / y_new``.
+    """
     s = bounds.multiplier
     s_new = s + bounds.weight * (change + alpha * bounds.offset)
     s_new = ca.fmax(s_new, (1 - BOUNDARY) * s)

@@ -42,7 +42,12 @@ def _turned_step(step: ca.SX, beta: ca.SX) -> ca.SX:
 
 
 def turn_phase(structure: Structure) -> Phase:
-    """Turn every step by its increment: momenta at its ends, and whether it is sound."""
+    """Turn every step by its increment: momenta at its ends, and whether it is sound.
+
+    ``f <- cay(beta / 2) f`` with ``beta = length g^T alpha`` (3,) in body axes [rad], m+ and m- of
+    the new step. It is sound while ``det D+ > 0`` (its branch) and ``|beta| < 1``; the least of
+    ``det D+`` and ``1 - |beta|^2`` says so.
+    """
     field, increment = (f.STEP, f.CONTROL) if structure.symmetric else (f.FREE, f.MOVE)
 
     def expression(read: Read) -> dict[Field, ca.SX]:
@@ -59,7 +64,7 @@ def turn_phase(structure: Structure) -> Phase:
 
 
 def chain_phase(structure: Structure) -> Phase:
-    """Chain the steps: attitudes, and momenta with symmetric forcing."""
+    """Chain the steps: ``g_{k+1} = g_k f_k``, and ``Pi_{k+1} = m+ + m- - Pi_k`` (symmetric)."""
     def expression(read: Read) -> dict[Field, ca.SX]:
         node = ca.if_else(read(f.LATER) != 0, read(f.CHAIN), read(f.START))
         q, momentum = node[0:4], node[4:7]
@@ -100,7 +105,12 @@ def node_phase(structure: Structure) -> Phase:
 
 
 def stage_phase(structure: Structure) -> Phase:
-    """Torque, its limits and cost of a stage."""
+    """Torque, its limits and cost of a stage.
+
+    ``u_k = 2 (m+(f_k) - Pi_k)`` symmetric, ``m+(f_{k+1}) - m-(f_k)`` with the paper's forcing: no
+    equation is solved. The stage is sound while each slack keeps half of what a step may leave,
+    ``y_new > (1 - BOUNDARY) / 2 y``.
+    """
     def expression(read: Read) -> dict[Field, ca.SX]:
         p = unpack(read(f.PARAMETER))
         if structure.symmetric:
@@ -124,7 +134,11 @@ def stage_phase(structure: Structure) -> Phase:
 
 
 def terminal_phase(structure: Structure) -> Phase:
-    """Terminal cost and set; the sums over the stages start here."""
+    """Terminal cost ``xi^T P xi / 2`` and set ``xi^T P xi / c - 1 <= t``; sums start here.
+
+    The value's change is a difference of two forms, its linear model ``2/c (D^T P xi) . step``,
+    D = d xi / d (theta, sigma) of `terminal.terminal_phase`.
+    """
     def expression(read: Read) -> dict[Field, ca.SX]:
         p, mu, alpha = unpack(read(f.PARAMETER)), read(f.BARRIER), read(f.LENGTH)
         new = form_of(*errors(structure, read, read.new(f.ATTITUDE), read.new(f.FREE)),

@@ -52,12 +52,19 @@ def node_merit(structure: Structure, later: ca.SX, writes: dict[Field, ca.SX]
 
 
 def terminal_sums(value: ca.SX, limit: TerminalLevel, y: ca.SX, t: ca.SX) -> ca.SX:
-    """Return the terminal share of cost and logarithms; ``value`` is ``xi^T P xi``."""
+    """Return the terminal share (3,) of the sums: cost, logarithms, soundness.
+
+    ``value / 2 + penalty t``, ``log(y t)`` and 1; ``value`` is ``xi^T P xi``.
+    """
     return ca.vertcat(value / 2 + limit.penalty * t, ca.log(y * t), 1)
 
 
 def gather_phase(structure: Structure) -> Phase:
-    """Add up cost with penalties and logarithms; keep the least soundness. From N - 1 back."""
+    """Add the terms of stage k and node k + 1 to the sums (3,), from N - 1 back.
+
+    They are the cost ``sum_k L_k`` with penalties, ``sum log`` of slacks and elastic parts, and
+    the least soundness, positive when all are sound; the merit is ``cost - mu logs``.
+    """
     def expression(read: Read) -> dict[Field, ca.SX]:
         sums = read(f.SUMS)
         cost = read(f.COST_NODE) + read(f.COST_STAGE)

@@ -52,7 +52,15 @@ def blend(exact: ca.SX, curved: ca.SX, gauss_newton: ca.SX) -> ca.SX:
 
 
 def force_phase(structure: Structure) -> Phase:
-    """Torque terms of a stage: gradients, barrier weights, largest complementarity product."""
+    """Torque terms of stage k: u (3,), its limits ``v(u) + y = 0`` with multipliers s, C = dv/du.
+
+        force = H u + C^T s          gradient of the Lagrangian by u, H = tr(R) I - R
+        pull  = H u + C^T (s + W o)  gradient of the barrier model (`barrier.Bounds`)
+        C^T W C                      what the limits add to H
+
+    u is taken beside the torque of a moving reference. ``PRODUCTS`` is the largest ``y s``,
+    ``FORCE_SIZE`` the largest ``|H u|``, by which stationarity is scaled. Dimensionless.
+    """
     def expression(read: Read) -> dict[Field, ca.SX]:
         p = unpack(read(f.PARAMETER))
         force = p.torque_hessian @ excess_torque(structure, read, read(f.TORQUE))
@@ -132,7 +140,17 @@ def turn_force(structure: Structure) -> Field:
 
 
 def paper_node_phase(structure: Structure) -> Phase:
-    """All terms in (theta_k, alpha_k), paper's forcing: two torques depend on one step."""
+    """All terms in (theta_k, alpha_k), paper's forcing: two torques depend on one step.
+
+    With D+, D- the derivatives of m+, m- (`step_derivatives`) and g = R_DB of the node,
+
+        d u_{k-1} = A alpha_k,  A = D+ g^T,     d u_k = -B alpha_k,  B = D- g^T,
+        Hessian  = A^T (H_{k-1} + rate limits) A + B^T H_k B + g C g^T,
+        C = tr(S) I - sym(S),  S = f (Qf + J_d s+^x - s-^x J_d),
+
+    s+, s- the forces of both torques; Gauss-Newton has ``C = tr(Qf) I - Qf``. H_k includes the
+    torque's limits. ``MOVE_FORCE`` is the Lagrangian's gradient by alpha_k, ``g vee(S - S^T)``.
+    """
     def expression(read: Read) -> dict[Field, ca.SX]:
         p, inner = unpack(read(f.PARAMETER)), read(f.INNER)
         g = rotation_from_quaternion(read(f.ATTITUDE))
@@ -165,7 +183,11 @@ def paper_node_phase(structure: Structure) -> Phase:
 
 
 def paper_transition_phase() -> Phase:
-    """The Hessian between alpha_k and alpha_{k+1}, and the stationarity of alpha_k."""
+    """The Hessian between alpha_k and alpha_{k+1}, ``-A_{k+1}^T H_k B_k``, and stationarity.
+
+    The residual of alpha_k is ``|g vee(S - S^T) + sum_{j > k} dL/dtheta_j|``, its largest entry;
+    none at k = 0, whose step is measured.
+    """
     def expression(read: Read) -> dict[Field, ca.SX]:
         weighted = ca.reshape(read(f.WEIGHTED), 3, 3)
         after = ca.reshape(read(f.AFTER, 1), 3, 3)
@@ -177,7 +199,15 @@ def paper_transition_phase() -> Phase:
 
 
 def symmetric_node_phase(structure: Structure) -> Phase:
-    """Terms in (theta_k, Pi_k), symmetric forcing: attitude, free step, rate limits."""
+    """Terms in (theta_k, Pi_k), symmetric forcing: attitude, free step, rate limits.
+
+    The free step f of Pi turns by ``B dPi``, ``B = D+(f)^-1``, so that ``tr(Qf (I - f))`` has
+
+        gradient b = B^T vee(S - S^T),  S = f Qf,       Hessian B^T C B,
+        C = tr(S') I - sym(S'),  S' = f (Qf - J_d b^x),   Gauss-Newton: C = tr(Qf) I - Qf.
+
+    Rate limits follow by ``omega = J^-1 Pi``. At k = N (``inner`` 0) only the limits are left.
+    """
     def expression(read: Read) -> dict[Field, ca.SX]:
         p, inner = unpack(read(f.PARAMETER)), read(f.INNER)
         g = rotation_from_quaternion(read(f.ATTITUDE))
@@ -200,7 +230,16 @@ def symmetric_node_phase(structure: Structure) -> Phase:
 
 
 def symmetric_transition_phase(structure: Structure) -> Phase:
-    """Terms in (Pi_k, alpha_k), symmetric forcing: the step, its torque, its stationarity."""
+    """Terms in (Pi_k, alpha_k), symmetric forcing: the step, its torque, its stationarity.
+
+        d u_k = 2 (A alpha_k - dPi_k),          A = D+ g^T
+        dPi_{k+1} = E alpha_k - dPi_k,          E = (D+ + D-) g^T
+        Hessian by alpha: (2 A)^T H (2 A) + exact g (tr(S) I - sym(S)) g^T,
+        between alpha and Pi: -2 (2 A)^T H,     S = f (J_d s+^x - s-^x J_d),
+
+    with s+ = 2 force + mu, s- = -mu and mu the costate of Pi_{k+1}. H includes the limits of the
+    torque. The residual of alpha_k is ``|g vee(S - S^T) + sum_{j > k} dL/dtheta_j|``.
+    """
     def expression(read: Read) -> dict[Field, ca.SX]:
         p, exact = unpack(read(f.PARAMETER)), read(f.EXACT)
         g = rotation_from_quaternion(read(f.ATTITUDE))
@@ -228,7 +267,14 @@ def symmetric_transition_phase(structure: Structure) -> Phase:
 
 
 def costate_phase(structure: Structure) -> Phase:
-    """Sum attitude gradients (and momentum multipliers) from the end: the costates behind k."""
+    """Costates behind stage k, from the end: what a change of theta_{k+1}, Pi_{k+1} costs.
+
+    Of ``theta_{k+1} = theta_k + alpha_k``, and with symmetric forcing of
+    ``Pi_{k+1} = m+ + m- - Pi_k``, ``u_k = 2 (m+ - Pi_k)``,
+
+        lambda_k = dL/dtheta_{k+1} + lambda_{k+1},
+        mu_k     = dL/dPi_{k+1} - 2 force_{k+1} - mu_{k+1}.
+    """
     def expression(read: Read) -> dict[Field, ca.SX]:
         turn = read(f.TURN_SUM)
         writes = {f.TURN_COSTATE: turn, f.TURN_SUM: turn + read(turn_force(structure))}

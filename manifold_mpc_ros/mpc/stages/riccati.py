@@ -181,7 +181,11 @@ def _torque_weight(structure: Structure, read: Read) -> ca.SX:
 
 
 def linear_phase(structure: Structure) -> Phase:
-    """Roll the gains out through the linear dynamics: the control and second state of stage k."""
+    """Roll the gains out through the linear dynamics, from (theta, sigma)_0 = 0 on.
+
+    ``v = k + K (theta, sigma)`` (3,) of `riccati_phase`, then the dynamics at the head of this
+    module. ``CONTROL``, ``TURN``, ``MOVE`` are v, theta and sigma of stage k.
+    """
     def expression(read: Read) -> dict[Field, ca.SX]:
         turn, move = read(f.LINEAR)[0:3], read(f.LINEAR)[3:6]
         gain = ca.reshape(read(f.GAIN), 3, 7)
@@ -196,7 +200,11 @@ def linear_phase(structure: Structure) -> Phase:
 
 
 def reach_phase(structure: Structure) -> Phase:
-    """Map the linear roll-out to torque changes and how far they go towards a torque limit."""
+    """Map the linear roll-out to torque changes du (3,), and how far they go towards a limit.
+
+    ``du = 2 (A v - sigma)`` symmetric, ``A_{k+1} v - B_k sigma`` with the paper's forcing.
+    ``REACH`` is the largest ``(dv/du du)_i / y_i``: a full step uses this part of the slack.
+    """
     def expression(read: Read) -> dict[Field, ca.SX]:
         if structure.symmetric:
             after = ca.reshape(read(f.AFTER), 3, 3)

@@ -111,7 +111,16 @@ def upper_entries(matrix: ca.SX) -> ca.SX:
 
 
 def terminal_phase(structure: Structure) -> Phase:
-    """Start the backward recursion: value, costates and residuals at k = N."""
+    """Start the backward recursion: value, costates and residuals at k = N.
+
+    With D (6, 6) the derivative of xi by (theta, sigma), q = D^T P xi, and H the Hessian of
+    ``xi^T P xi / 2``, ``D^T P D + exact sum_i (P xi)_i xi_i''``, V_N has without a set gradient q
+    and Hessian H; with it, multiplier s and ``a = 2/c q`` the slope of ``xi^T P xi / c``,
+
+        gradient q + a pull,      Hessian (1 + 2 s / c) H + a W a^T      (`barrier.Bounds`),
+
+    to which the limits of the last node add theirs.
+    """
     def expression(read: Read) -> dict[Field, ca.SX]:
         p = unpack(read(f.PARAMETER))
         xi = coordinates(*errors(structure, read, read(f.ATTITUDE), read(f.FREE)),
