@@ -54,10 +54,7 @@ class Cone:
     group
         Name of a group of keep-in cones of which any one has to be kept; None: by itself.
 
-    Raises
-    ------
-    ConfigurationError
-        Naming ``cones.NAME.FIELD``, its value and what would be valid.
+    Raises ConfigurationError naming ``cones.NAME.FIELD``, its value and what would be valid.
 
     """
 
@@ -107,11 +104,7 @@ class Cone:
 
         ``moved`` is the largest distance of its unit directions at two samples in succession.
 
-        Raises
-        ------
-        ConfigurationError
-            When nothing of it is left.
-
+        Raises ConfigurationError when nothing of it is left.
         """
         edge, sine = self.sign * float(np.cos(self.half_angle_rad)), 1.0
         for _ in range(_REPEATED):  # each valid, from above
@@ -198,11 +191,7 @@ def cone_topics(values: Mapping[str, Any]) -> dict[str, tuple[str, float]]:
 def check_target(given: Sequence[Cone], key: str, target: str) -> None:
     """Refuse the identity as a target (as the value ``target`` of a key says) that cones forbid.
 
-    Raises
-    ------
-    ConfigurationError
-        With the angle that is missing.
-
+    Raises ConfigurationError with the angle that is missing.
     """
     margins = np.array([each.margins_rad(np.eye(3)) for each in given]).reshape(len(given))
     for name, margin in joined(given, margins).items():
@@ -215,11 +204,7 @@ def check_target(given: Sequence[Cone], key: str, target: str) -> None:
 def directions(given: Sequence[Cone], directions_N: Any, horizon: int) -> FloatArray:
     """Map directions by name, (3,) or (N + 1, 3), to all cones' unit directions (N + 1, n, 3).
 
-    Raises
-    ------
-    ConfigurationError
-        For a name that no cone has, and what is no direction.
-
+    Raises ConfigurationError for a name that no cone has, and what is no direction.
     """
     found = np.array([each.direction_N for each in given] * (horizon + 1), dtype=float)
     found = found.reshape(horizon + 1, len(given), 3)
@@ -267,11 +252,7 @@ def between_samples(inertia_kg_m2: FloatArray, acceleration: float, rate_rad_s: 
     With alpha the smallest solution of ``a + k (rate + h/2 alpha)^2 <= alpha``, docs/theory.md
     (22), a from the torque and k from ``J^-1 (omega x J omega)``.
 
-    Raises
-    ------
-    ConfigurationError
-        When there is no such alpha.
-
+    Raises ConfigurationError when there is no such alpha.
     """
     moments, within = np.linalg.eigvalsh(inertia_kg_m2), step_s / 2.0
     k = float(np.abs((moments[[1, 2, 0]] - moments[[2, 0, 1]]) / moments).max()) / 3.0 ** 0.5

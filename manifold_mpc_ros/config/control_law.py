@@ -92,10 +92,8 @@ class AttitudeMpcConfig:
         Reaction wheels (:class:`.WheelArray`) that give the torque; None for torque by other
         devices. J is then the body's inertia without that of the wheels about their axes.
 
-    Raises
-    ------
-    ConfigurationError
-        Naming the first field that is invalid, its value and what would be valid.
+    Raises ConfigurationError naming the first field that is invalid, its value and what would be
+    valid.
 
     """
 

@@ -40,11 +40,7 @@ ORBIT_PARAMETERS: tuple[ParameterSpec, ...] = (
 class CircularOrbit:
     """An orbit of constant height; angles as `ORBIT_PARAMETERS` say, in radians.
 
-    Raises
-    ------
-    ConfigurationError
-        Naming ``orbit.FIELD``, its value and what would be valid.
-
+    Raises ConfigurationError naming ``orbit.FIELD``, its value and what would be valid.
     """
 
     altitude_m: float

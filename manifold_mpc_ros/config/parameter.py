@@ -131,11 +131,8 @@ def resolve_parameters(
     ``complete`` asks for every required parameter; otherwise the shipped value stands in for each
     one that is missing.
 
-    Raises
-    ------
-    ConfigurationError
-        For an unknown name (with the nearest valid one), a missing one, or an invalid value.
-
+    Raises ConfigurationError for an unknown name (with the nearest valid one), a missing one, or
+    an invalid value.
     """
     specs = with_named(specs, given)
     refuse_unknown(specs, given)
@@ -156,11 +153,7 @@ def with_named(specs: Sequence[ParameterSpec], given: Mapping[str, Any]
                ) -> tuple[ParameterSpec, ...]:
     """Return a table with the parameters of every name that was given.
 
-    Raises
-    ------
-    ConfigurationError
-        For a list of names that is not valid.
-
+    Raises ConfigurationError for a list of names that is not valid.
     """
     table = {spec.name: spec for spec in specs}
     for spec in [spec for spec in specs if spec.each]:

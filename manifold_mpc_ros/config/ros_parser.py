@@ -50,11 +50,8 @@ class _Parameter:
 def parse_ros_parameters(text: str, source: str) -> list[tuple[str, dict[str, RosValue]]]:
     """Map the text of a parameter file to (``/sat1/node``, dotted parameters) of each section.
 
-    Raises
-    ------
-    ConfigurationError
-        Where ROS refuses the file: the key, or the ``source`` of the text, and the line.
-
+    Raises ConfigurationError where ROS refuses the file: the key, or the ``source`` of the text,
+    and the line.
     """
     machine = _Machine(source)
     try:

@@ -41,11 +41,8 @@ class SimulatorConfig:
     limits nothing. On an ``orbit`` gravity gradient acts. The parameters of
     ``config/simulator.yaml`` describe each field with its unit and range.
 
-    Raises
-    ------
-    ConfigurationError
-        Naming the first field that is invalid, its value and what would be valid.
-
+    Raises ConfigurationError naming the first field that is invalid, its value and what would be
+    valid.
     """
 
     inertia_kg_m2: FloatArray

@@ -43,11 +43,8 @@ MOTOR_PARAMETERS: tuple[ParameterSpec, ...] = (
 class WheelMotors:
     """The wheels of a simulated body; numbers (n,), or one for all, as `MOTOR_PARAMETERS` say.
 
-    Raises
-    ------
-    ConfigurationError
-        Naming ``wheel_motors.FIELD`` for a number that is not valid, or ``wheels.inertia_kg_m2``.
-
+    Raises ConfigurationError naming ``wheel_motors.FIELD`` for a number that is not valid, or
+    ``wheels.inertia_kg_m2``.
     """
 
     wheels: WheelArray

@@ -45,11 +45,7 @@ NULL_SPACE = _wheels('null_space', 'least_torque', 'what motor torques that turn
 def wheels_of(values: Mapping[str, Value]) -> WheelArray | None:
     """Map a node's checked parameters to its wheels, None with another kind of actuator.
 
-    Raises
-    ------
-    ConfigurationError
-        Naming ``wheels.FIELD``, its value and what would be valid.
-
+    Raises ConfigurationError naming ``wheels.FIELD``, its value and what would be valid.
     """
     if values.get('actuators.kind') != 'wheels':
         return None

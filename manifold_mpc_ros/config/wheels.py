@@ -76,11 +76,8 @@ class WheelArray:
     names
         A name for each; none: wheel_1 to wheel_n.
 
-    Raises
-    ------
-    ConfigurationError
-        Naming ``wheels.FIELD``, its value and what would be valid; for axes of available wheels
-        that span less than three dimensions too.
+    Raises ConfigurationError naming ``wheels.FIELD``, its value and what would be valid; for axes
+    of available wheels that span less than three dimensions too.
 
     """
 
@@ -132,11 +129,7 @@ class WheelArray:
     def without(self, failed: BoolArray) -> WheelArray:
         """Return the array whose wheels ``failed`` (n,) bool are not available either.
 
-        Raises
-        ------
-        ConfigurationError
-            When fewer than three independent axes are left.
-
+        Raises ConfigurationError when fewer than three independent axes are left.
         """
         return replace(self, available=self.available & ~failed)
 
@@ -145,11 +138,7 @@ class WheelArray:
 
         None: all at rest. All wheels work where too few would be left.
 
-        Raises
-        ------
-        ConfigurationError
-            For another number of them.
-
+        Raises ConfigurationError for another number of them.
         """
         momentum = np.zeros(len(self)) if momentum_n_m_s is None else np.asarray(
             momentum_n_m_s, dtype=float)

@@ -31,12 +31,8 @@ def read_parameter_file(path: str | Path, node_name: str) -> dict[str, Any]:
     that, else the one in the namespace that the sections name (``/sat1/attitude_controller``,
     ``/sat1/*``). Where several sections apply, the later one wins for each parameter, as in ROS.
 
-    Raises
-    ------
-    ConfigurationError
-        When ROS cannot read the file, or it has no section for the node, or sections for the node
-        in several namespaces.
-
+    Raises ConfigurationError when ROS cannot read the file, or it has no section for the node, or
+    sections for the node in several namespaces.
     """
     sections = _read(path)
     keys = [section for section, _ in sections]

@@ -138,7 +138,6 @@ class SolverThread:
         self._requests: queue.SimpleQueue[SolveRequest | None] = queue.SimpleQueue()
         self._results: queue.SimpleQueue[SolveResult] = queue.SimpleQueue()
         self._busy = False
-        self.late_results = 0
         threading.Thread(
             target=self._work, args=(solve, prepare), name='solver', daemon=True).start()
 
@@ -154,7 +153,6 @@ class SolverThread:
         try:
             result = self._results.get(timeout=self._budget_s)
         except queue.Empty:
-            self.late_results += 1
             return None
         self._busy = False
         return result

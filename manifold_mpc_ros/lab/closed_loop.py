@@ -209,10 +209,7 @@ def run_closed_loop(
         Maps ``R_ND^T R_NB`` to the angle left to turn [rad]; pointing has its own
         (:func:`manifold_mpc_ros.mpc.target.error_angle`).
 
-    Raises
-    ------
-    ConfigurationError
-        When the periods do not divide each other.
+    Raises ConfigurationError when the periods do not divide each other.
 
     """
     ticks = _multiple('duration_s', duration_s, 'control step', control_step_s)

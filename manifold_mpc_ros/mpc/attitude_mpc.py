@@ -141,12 +141,9 @@ class AttitudeMpc:
         reference
             A target that moves, in place of R_ND; what it uses of the limits, terminal sets lose.
 
-        Raises
-        ------
-        ConfigurationError
-            For an array of another shape or an unknown name, a direction that moves so far in a
-            step that nothing is left of its cone, or a disturbance that is not below the limits;
-            what a state holds is judged by the status.
+        Raises ConfigurationError for an array of another shape or an unknown name, a direction
+        that moves so far in a step that nothing is left of its cone, or a disturbance that is not
+        below the limits; what a state holds is judged by the status.
 
         """
         begin = time.perf_counter()

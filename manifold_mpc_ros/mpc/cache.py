@@ -25,11 +25,7 @@ _PACKAGE = Path(__file__).resolve().parent.parent
 def cache_directory(cache_dir: str | Path | None) -> Path:
     """Return a writable directory: the given one, $MANIFOLD_MPC_CACHE, or the user's cache.
 
-    Raises
-    ------
-    CacheError
-        When it cannot be written to.
-
+    Raises CacheError when it cannot be written to.
     """
     try:
         path = _wanted(cache_dir)

@@ -32,10 +32,7 @@ class Reference:
     omega_DN_D
         Rates of the reference in its own axes (N+1, 3) [rad/s].
 
-    Raises
-    ------
-    ConfigurationError
-        For other shapes, and for what is not finite or no rotation.
+    Raises ConfigurationError for other shapes, and for what is not finite or no rotation.
 
     """
 

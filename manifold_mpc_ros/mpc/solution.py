@@ -87,11 +87,7 @@ def with_wheels(solution: AttitudeMpcSolution, config: AttitudeMpcConfig,
     As much of the torque as wheels of momenta (n,) [N m s] can give in this state, in its
     direction.
 
-    Raises
-    ------
-    ConfigurationError
-        Without wheels.
-
+    Raises ConfigurationError without wheels.
     """
     if wheels is None:
         raise ConfigurationError('wheel_momentum_n_m_s', momentum_n_m_s, 'None without wheels')

@@ -37,11 +37,7 @@ def stored_design(config: AttitudeMpcConfig, cache_dir: str | Path | None) -> Te
 
     Without its cones, which cut the set for every target anew.
 
-    Raises
-    ------
-    DesignError
-        When the design does not exist.
-
+    Raises DesignError when the design does not exist.
     """
     config = replace(config, cones=())
     try:

@@ -38,11 +38,8 @@ class WheelKeeper:
         later ones but for how that torque changes. What is left of the terminal level is where
         the local law and the gyroscopic torque of the set's own rates keep every facet.
 
-        Raises
-        ------
-        ConfigurationError
-            Where momenta (n,) [N m s] are not those of the configuration's wheels.
-
+        Raises ConfigurationError where momenta (n,) [N m s] are not those of the configuration's
+        wheels.
         """
         wheels = self._config.wheels
         if wheels is None:

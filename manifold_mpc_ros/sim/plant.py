@@ -58,10 +58,7 @@ class Plant:
         thruster); 'inertial': constant in inertial components, and applied by the same
         trapezoidal rule, so that inertial momentum gains exactly h d in a step.
 
-    Raises
-    ------
-    ConfigurationError
-        For another disturbance frame.
+    Raises ConfigurationError for another disturbance frame.
 
     """
 

@@ -57,12 +57,8 @@ def cut_level(level: float, margins: Mapping[str, float], spread: float) -> floa
 def cut_design(config: AttitudeMpcConfig, design: TerminalDesign) -> TerminalDesign:
     """Map a design without cones to the one for the identity as the target.
 
-    Raises
-    ------
-    DesignError
-        Where the target violates a cone, or is so near to one that no set is left, with the
-        angle that is missing.
-
+    Raises DesignError where the target violates a cone, or is so near to one that no set is left,
+    with the angle that is missing.
     """
     kept = config.kept_cones
     margins, wide = target_margins_rad(config, kept), spread(config, design.P)

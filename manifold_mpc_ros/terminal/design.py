@@ -47,13 +47,9 @@ class TerminalDesign:
 def design_terminal(problem: ManifoldProblem) -> TerminalDesign:
     """Map a problem to its terminal design.
 
-    Raises
-    ------
-    DesignError
-        When the origin is not an equilibrium, the Riccati equation has no positive definite
-        stabilising solution (the message names the condition that fails), or no level c > 0
-        meets the conditions of paper eq. (8).
-
+    Raises DesignError when the origin is not an equilibrium, the Riccati equation has no positive
+    definite stabilising solution (the message names the condition that fails), or no level c > 0
+    meets the conditions of paper eq. (8).
     """
     linear = linearise(problem)
     riccati = solve_riccati(linear)

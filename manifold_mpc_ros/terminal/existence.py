@@ -47,12 +47,9 @@ class Existence:
 def check_existence(linear: Linearisation) -> Existence:
     """Map a linearisation to its margins.
 
-    Raises
-    ------
-    DesignError
-        When (A, B) is not stabilisable, when the symplectic pencil has an eigenvalue on the
-        unit circle, or when ``[[Q, N], [N^T, R]]`` is not positive definite on all (xi, eta).
-
+    Raises DesignError when (A, B) is not stabilisable, when the symplectic pencil has an
+    eigenvalue on the unit circle, or when ``[[Q, N], [N^T, R]]`` is not positive definite on all
+    (xi, eta).
     """
     modes, reachability = _check_stabilisable(linear)
     definiteness = _definiteness(linear)

@@ -80,11 +80,7 @@ class LocalLoop:
 def largest_level(problem: ManifoldProblem, p: Array, k: Array) -> LevelReport:
     """Map a problem and its P (n, n), K (m, n) to the largest level that meets every condition.
 
-    Raises
-    ------
-    DesignError
-        When the decrease condition fails arbitrarily close to the origin.
-
+    Raises DesignError when the decrease condition fails arbitrarily close to the origin.
     """
     loop, covariance = LocalLoop(problem, p, k), np.asarray(np.linalg.inv(p), dtype=float)
     limits = closed_form_limits(problem, covariance, k)

@@ -57,12 +57,8 @@ class Linearisation:
 def linearise(problem: ManifoldProblem) -> Linearisation:
     """Map a problem to its linearisation and Hessian at the equilibrium.
 
-    Raises
-    ------
-    DesignError
-        When a derivative does not exist there, ``f(x_e, u_e)`` is not x_e, or ``L`` or its
-        gradient is not zero (paper (3a), (3b): the equilibrium is the minimum of L).
-
+    Raises DesignError when a derivative does not exist there, ``f(x_e, u_e)`` is not x_e, or ``L``
+    or its gradient is not zero (paper (3a), (3b): the equilibrium is the minimum of L).
     """
     n, m = problem.states.dimension, problem.controls.dimension
     z = ca.SX.sym('z', n + m)

@@ -65,11 +65,7 @@ def problem_of(config: AttitudeMpcConfig) -> ManifoldProblem:
 def terminal_design(config: AttitudeMpcConfig) -> TerminalDesign:
     """Map a configuration to the terminal design of its problem, for the identity as target.
 
-    Raises
-    ------
-    DesignError
-        When the design does not exist; the message names the condition that fails.
-
+    Raises DesignError when the design does not exist; the message names the condition that fails.
     """
     design = design_terminal(problem_of(config))
     return cut_design(config, design) if config.cones else design

@@ -41,12 +41,8 @@ class RiccatiSolution:
 def solve_riccati(linear: Linearisation) -> RiccatiSolution:
     """Map a linearisation to its terminal cost and local law, solved in the problem's units.
 
-    Raises
-    ------
-    DesignError
-        Naming the existence condition that fails, or when the solution found is not positive
-        definite or not stabilising.
-
+    Raises DesignError naming the existence condition that fails, or when the solution found is not
+    positive definite or not stabilising.
     """
     existence = check_existence(linear)
     a, b, q, r, n = linear.balanced()

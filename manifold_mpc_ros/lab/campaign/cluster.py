@@ -51,12 +51,8 @@ class Cluster:
 
         Closing the iterator cancels what has not been run.
 
-        Raises
-        ------
-        CampaignError
-            When a case raises, naming it; when a chunk ended several workers, when the scheduler
-            is lost, or when a worker has other software than this process.
-
+        Raises CampaignError when a case raises, naming it; when a chunk ended several workers,
+        when the scheduler is lost, or when a worker has other software than this process.
         """
         from distributed import as_completed
         chunks = in_chunks(names, CHUNK)

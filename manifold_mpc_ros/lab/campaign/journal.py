@@ -30,11 +30,8 @@ class Journal:
 
     ``outcomes`` maps the names of the cases that are done to what came of them.
 
-    Raises
-    ------
-    CampaignError
-        When the folder holds another campaign, one of other software, or one that is running.
-
+    Raises CampaignError when the folder holds another campaign, one of other software, or one that
+    is running.
     """
 
     def __init__(self, folder: Path, plan: CampaignPlan, software: dict[str, str], *,

@@ -53,11 +53,8 @@ class CampaignPlan:
     ``controller`` holds every controller parameter by its dotted ROS name, ``simulator`` the
     changes to the shipped ones.
 
-    Raises
-    ------
-    ConfigurationError
-        From the constructors; names the key, its value and what would be valid.
-
+    Raises ConfigurationError from the constructors; names the key, its value and what would be
+    valid.
     """
 
     name: str

@@ -77,11 +77,8 @@ def write_certificate(certificate: Certificate, path: Path) -> None:
 def read_certificate(path: Path) -> Certificate:
     """Read a certificate.
 
-    Raises
-    ------
-    ManifoldMpcError
-        When the file is not a certificate of this version, or was changed after it was written.
-
+    Raises ManifoldMpcError when the file is not a certificate of this version, or was changed
+    after it was written.
     """
     try:
         content = json.loads(path.read_text(encoding='utf-8'))

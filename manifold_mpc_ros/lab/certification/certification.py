@@ -61,12 +61,8 @@ def recheck(certificate: Certificate, *, budget: int = 400_000, workers: int = 1
             progress: Progress | None = None) -> None:
     """Prove the claim of a certificate again, from its problem, P, K and level alone.
 
-    Raises
-    ------
-    ManifoldMpcError
-        With the reason, when P, K or c are not those of the stored problem, or the claim cannot
-        be proved.
-
+    Raises ManifoldMpcError with the reason, when P, K or c are not those of the stored problem, or
+    the claim cannot be proved.
     """
     from manifold_mpc_ros.lab.certification.certify import prove
     kind, values = certificate.problem, certificate.configuration

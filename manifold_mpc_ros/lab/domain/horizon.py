@@ -64,11 +64,7 @@ def smallest_horizon(
 ) -> HorizonReport:
     """Map a configuration (its own horizon is ignored) to the smallest sufficient N.
 
-    Raises
-    ------
-    DesignError
-        When ``largest`` steps are not enough for some state.
-
+    Raises DesignError when ``largest`` steps are not enough for some state.
     """
     tried: dict[int, int] = {}
     states = rest_states(config)

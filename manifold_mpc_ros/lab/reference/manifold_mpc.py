@@ -95,11 +95,7 @@ class ManifoldMpc:
 
         ``starts`` is how many cold starts there are, ``seed`` draws the random ones.
 
-        Raises
-        ------
-        DesignError
-            When the terminal design does not exist.
-
+        Raises DesignError when the terminal design does not exist.
         """
         self.terminal: Terminal = terminal or design_terminal(problem)
         self.ocp = OptimalControlProblem(

@@ -96,12 +96,8 @@ def timing_of(values: Mapping[str, Value], weights: Weights, step_s: float | Non
 
     The step given, else a sixtieth of the half turn, shorter where the body has no such step.
 
-    Raises
-    ------
-    ConfigurationError
-        For a body without torque limits, a step that it refuses, or one with which the horizon
-        would need more than 1000 steps.
-
+    Raises ConfigurationError for a body without torque limits, a step that it refuses, or one with
+    which the horizon would need more than 1000 steps.
     """
     torque = np.asarray(values['limits.max_torque_n_m'], dtype=float)
     if not np.all(np.isfinite(torque)):

@@ -19,7 +19,3 @@ class Structure(NamedTuple):
     pointing: bool
     rows: tuple[tuple[str, int], ...] = ()
     moving: bool = False
-
-    def has(self, name: str) -> bool:
-        """Return whether the problem has the inequality of a name."""
-        return any(name == present for present, _ in self.rows)

@@ -73,11 +73,7 @@ class Feed:
 def feed_of(run: BagRun, config: ControllerConfig) -> Feed:
     """Return what the bag has for a controller.
 
-    Raises
-    ------
-    BagError
-        When no state can be given to a controller.
-
+    Raises BagError when no state can be given to a controller.
     """
     names = run.topics
     source = names.received_state or names.state

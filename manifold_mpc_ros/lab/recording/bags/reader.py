@@ -44,11 +44,8 @@ def read_bag(path: str | Path) -> BagContents:
         The folder, its ``metadata.yaml``, or one storage file (``.mcap``, ``.db3``), compressed
         (``.zstd``) or not.
 
-    Raises
-    ------
-    BagError
-        When there is no bag, or not one topic of it can be read. Lesser damage becomes a
-        warning of the result, and what is no damage but good to know a note.
+    Raises BagError when there is no bag, or not one topic of it can be read. Lesser damage becomes
+    a warning of the result, and what is no damage but good to know a note.
 
     """
     path = Path(path)

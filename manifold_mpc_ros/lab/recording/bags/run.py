@@ -139,10 +139,7 @@ def read_run(
     scenario
         What to judge the run by, instead of the scenario inside the bag.
 
-    Raises
-    ------
-    BagError
-        When the bag cannot be read, or has no state.
+    Raises BagError when the bag cannot be read, or has no state.
 
     """
     contents = read_bag(path)

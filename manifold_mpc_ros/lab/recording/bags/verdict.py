@@ -60,11 +60,7 @@ def judge(run: BagRun, *, own: bool = True) -> Verdict:
     damaged, has not passed. Where the bag does not hold what a limit needs, the limit is not
     kept. A recording that is not ``own`` need not say that it came to its end.
 
-    Raises
-    ------
-    BagError
-        When the bag has no scenario, or its scenario no limit.
-
+    Raises BagError when the bag has no scenario, or its scenario no limit.
     """
     if run.scenario is None:
         raise BagError(f'{run.path}: no scenario that can be used is inside this bag, so there '

@@ -60,10 +60,7 @@ class BagWriter:
     compress
         Compress the chunks of MCAP with zstd.
 
-    Raises
-    ------
-    BagError
-        From every method, when the bag cannot be written.
+    Raises BagError from every method, when the bag cannot be written.
 
     """
 

@@ -22,11 +22,8 @@ def parameter_changes(
 
     ``decided`` maps the parameters that are not to be given to what decides them.
 
-    Raises
-    ------
-    ConfigurationError
-        For an unknown or decided parameter or an invalid value, ``node`` before its name.
-
+    Raises ConfigurationError for an unknown or decided parameter or an invalid value, ``node``
+    before its name.
     """
     def read() -> dict[str, Value]:
         flat = flatten_parameters(given)

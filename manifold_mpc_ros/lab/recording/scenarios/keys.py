@@ -105,12 +105,8 @@ def check_group(
 ) -> dict[str, Any]:
     """Return the checked values of one group; nested groups and lists come as they are.
 
-    Raises
-    ------
-    ConfigurationError
-        For an unknown key (with the nearest valid one), a missing one or an invalid value; the
-        key is named in full, ``prefix`` included.
-
+    Raises ConfigurationError for an unknown key (with the nearest valid one), a missing one or an
+    invalid value; the key is named in full, ``prefix`` included.
     """
     if not isinstance(given, Mapping):
         raise ConfigurationError(prefix.rstrip('.') or 'scenario', given, 'nested keys')

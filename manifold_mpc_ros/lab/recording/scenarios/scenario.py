@@ -45,11 +45,8 @@ class Scenario:
     ROS names; `controller_parameters` and `simulator_parameters` are complete. ``text`` is the
     YAML that it was read from, to the letter.
 
-    Raises
-    ------
-    ConfigurationError
-        From the constructors; names the key, its value and what would be valid.
-
+    Raises ConfigurationError from the constructors; names the key, its value and what would be
+    valid.
     """
 
     name: str
