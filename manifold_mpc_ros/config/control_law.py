@@ -152,6 +152,10 @@ class AttitudeMpcConfig:
             self._check_cones()
         if self.wheels is not None and not isinstance(self.wheels, WheelArray):
             raise ConfigurationError('wheels', self.wheels, 'a WheelArray, or None')
+        if self.wheels is not None and self.forcing == 'paper':
+            raise ConfigurationError(
+                'forcing', 'paper', "'symmetric' where there are wheels (their momentum follows "
+                'from the state of a physical step)')
 
     @classmethod
     def from_yaml(cls, path: str | Path) -> AttitudeMpcConfig:

@@ -152,14 +152,11 @@ class AttitudeMpc:
         self._cones.set_directions(directions_N)
         if reference is not None or self._moving:
             R_ND = self._track(reference, np.asarray(R_NB, dtype=float), R_ND)
-        state = self._set_state(R_NB, omega_BN_B, R_ND)
+        state = self._set_state(R_NB, omega_BN_B, R_ND, wheel_momentum_n_m_s)
         self._ahead = None if reference is None else reference.R_ND[:2]
         if state is None:
             self.reset()
             return failed(R_NB, omega_BN_B, self.config.horizon, time.perf_counter() - begin)
-        if self.config.wheels is not None:
-            self._cones.leave(self.terminal_share * self._wheels.hold(
-                wheel_momentum_n_m_s, self._omega, self._disturbance))
         plan, passes, searched = self._finder.find(state, deadline_s)
         answer = self._answer(plan, passes, searched, begin)
         return answer if wheel_momentum_n_m_s is None else with_wheels(
@@ -168,13 +165,13 @@ class AttitudeMpc:
     def solve_local(self, R_NB: ArrayLike, omega_BN_B: ArrayLike) -> AttitudeMpcSolution:
         """Map a measured state to the plan of one cold start, the short way; for measuring."""
         begin = time.perf_counter()
-        if self._set_state(R_NB, omega_BN_B, None) is None:
+        if self._set_state(R_NB, omega_BN_B, None, None) is None:
             return failed(R_NB, omega_BN_B, self.config.horizon, time.perf_counter() - begin)
         plan, passes = self._finder.first_start()
         return self._answer(plan, passes, False, begin)
 
-    def _set_state(self, R_NB: ArrayLike, omega_BN_B: ArrayLike, R_ND: ArrayLike | None
-                 ) -> StateReport | None:
+    def _set_state(self, R_NB: ArrayLike, omega_BN_B: ArrayLike, R_ND: ArrayLike | None,
+                   wheel_momentum_n_m_s: ArrayLike | None) -> StateReport | None:
         """Hand a state to the solvers; None when it cannot be predicted from."""
         attitude = self._R_NB = np.asarray(R_NB, dtype=float)
         omega = self._omega = np.asarray(omega_BN_B, dtype=float)
@@ -191,6 +188,9 @@ class AttitudeMpc:
             self._relaxed.set_state(attitude, target, rate)
         if target is not self._R_ND and not np.array_equal(target, self._R_ND):
             self._aim(target)
+        if self.config.wheels is not None:
+            self._cones.leave(self.terminal_share * self._wheels.hold(
+                wheel_momentum_n_m_s, attitude, omega, target, self._disturbance))
         return state
 
     @property

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from manifold_mpc_ros.config.cones import Cone
-from manifold_mpc_ros.config.wheels import Zonotope
+from manifold_mpc_ros.config.wheels import WheelArray
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.lanes import aligned, blocks, copied, field_of
 from manifold_mpc_ros.mpc.library import Course, Library, LoopRecord, Solve
@@ -27,9 +27,14 @@ from manifold_mpc_ros.mpc.program.layout import layout_of
 from manifold_mpc_ros.mpc.program.structure import Structure
 from manifold_mpc_ros.mpc.scaling import TERMINAL_LEVEL, Array, Scaling
 from manifold_mpc_ros.mpc.stages.cone import AIM
-from manifold_mpc_ros.mpc.stages.inequalities import cone_inequalities, inequalities_of
+from manifold_mpc_ros.mpc.stages.inequalities import (
+    cone_inequalities,
+    inequalities_of,
+    wheel_inequalities,
+)
 from manifold_mpc_ros.mpc.stages.reference import REFERENCE
-from manifold_mpc_ros.mpc.stages.torque_box import ShiftedTorqueBox, TorquePolytope
+from manifold_mpc_ros.mpc.stages.torque_box import ShiftedTorqueBox
+from manifold_mpc_ros.mpc.stages.wheel_limits import TOTAL
 
 # A slack below this is one of an inequality that holds the plan back.
 _TOUCHED = 1e-4
@@ -230,11 +235,12 @@ class LocalSolver:
             if isinstance(each, ShiftedTorqueBox):
                 self._global(each.data)[3:] = disturbance
 
-    def set_torques(self, torques: Zonotope, offset: Array, unit: Scaling) -> None:
-        """Set what wheels give, about an offset (3,) [N m]."""
-        for each in inequalities_of(self.structure):
-            if isinstance(each, TorquePolytope):
-                self._global(each.data)[:] = each.numbers_of(torques, offset, unit)
+    def set_wheels(self, wheels: WheelArray, total: Array, external_B: Array, taken_B: Array,
+                   unit: Scaling) -> None:
+        """Set what wheels give and store, and the momentum of body and wheels, target's axes."""
+        self._global(TOTAL)[:] = total / (unit.torque_n_m * unit.time_s)
+        for each in wheel_inequalities(self.structure):
+            self._global(each.data)[:] = each.numbers_of(wheels, external_B, taken_B, unit)
 
     def set_body(self, inertia: Array, torque: Array) -> None:
         """Set the body that `follow` and `advance` move: inertia (3, 3), disturbance (3,)."""

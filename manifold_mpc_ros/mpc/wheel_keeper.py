@@ -1,6 +1,6 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The reaction wheels of a controller: what torques they give now, what their momentum costs."""
+"""The reaction wheels of a controller: what they give and store, what their momentum costs."""
 
 from __future__ import annotations
 
@@ -13,9 +13,12 @@ from manifold_mpc_ros.mpc.local_solver import LocalSolver
 from manifold_mpc_ros.mpc.scaling import Array, scaling_of
 from manifold_mpc_ros.terminal.design import TerminalDesign
 
+# What is left of a facet that the momentum at the target is beyond, as a part of its bound.
+_LEAST_ROOM = 1e-3
+
 
 class WheelKeeper:
-    """Hands the polytope of the wheels to solvers, about the torque that stored momentum takes."""
+    """Hands wheels to solvers: their sets, and the momentum of body and wheels."""
 
     def __init__(self, config: AttitudeMpcConfig, terminal: TerminalDesign,
                  solvers: set[LocalSolver]) -> None:
@@ -25,18 +28,20 @@ class WheelKeeper:
         self._config, self._terminal, self._solvers = config, terminal, solvers
         self._unit = scaling_of(config)
         inverse = np.linalg.inv(terminal.P)
-        self._spread = terminal.K @ inverse @ terminal.K.T
-        self._rate = float(np.linalg.eigvalsh(inverse[-3:, -3:])[-1]) ** 0.5
+        self._torque_spread = terminal.K @ inverse @ terminal.K.T
+        J, turns = config.inertia_kg_m2, inverse[:-3, :-3]
+        self._momentum_spread = J @ inverse[-3:, -3:] @ J
+        self._rate, self._turn, momentum = (
+            float(np.linalg.eigvalsh(each)[-1]) ** 0.5
+            for each in (inverse[-3:, -3:], turns, self._momentum_spread))
+        self._own_n_m_s = momentum * terminal.c ** 0.5
 
-    def hold(self, momentum_n_m_s: ArrayLike | None, omega_BN_B: Array, disturbance_B: Array
-             ) -> float:
+    def hold(self, momentum_n_m_s: ArrayLike | None, R_NB: Array, omega_BN_B: Array, R_ND: Array,
+             disturbance_B: Array) -> float:
         """Plan with momenta (n,), NaN for wheels that are not there; return the level's share.
 
-        Those keep their last momentum; ``working`` and ``momentum_n_m_s`` are planned with.
-        The offset of the polytope is the disturbance (3,) less the gyroscopic torque
-        ``omega x W h_w`` of now, so that the first torque is one that the wheels can give, and
-        later ones but for how that torque changes. What is left of the terminal level is where
-        the local law and the gyroscopic torque of the set's own rates keep every facet.
+        Those keep their last momentum; ``working`` and ``momentum_n_m_s`` are planned with. The
+        momentum of body and wheels is ``R (J omega + W h_w)``.
 
         Raises ConfigurationError where momenta (n,) [N m s] are not those of the configuration's
         wheels.
@@ -47,15 +52,27 @@ class WheelKeeper:
         self.working, momentum = wheels.reported(momentum_n_m_s)
         self.momentum_n_m_s = np.where(np.isnan(momentum), self.momentum_n_m_s, momentum)
         stored = wheels.axes_B.T @ self.momentum_n_m_s
-        offset = disturbance_B - np.cross(omega_BN_B, stored)
+        total_D = R_ND.T @ R_NB @ (self._config.inertia_kg_m2 @ omega_BN_B + stored)
+        taken = disturbance_B - np.cross(omega_BN_B, stored)
         for solver in self._solvers:
-            solver.set_torques(self.working.torques, offset, self._unit)
-        return self._share(self.working, disturbance_B, float(np.linalg.norm(stored)))
+            solver.set_wheels(self.working, total_D, disturbance_B, taken, self._unit)
+        return self._share(self.working, total_D, disturbance_B)
 
-    def _share(self, wheels: WheelArray, disturbance_B: Array, stored_n_m_s: float) -> float:
-        """Return the part of c with ``|n K xi| + |xi_rate| |W h_w| <= bound - |n d|``."""
-        normals, bounds = wheels.torques.normals, wheels.torques.bounds
-        need = np.sqrt(np.einsum('fi,ij,fj->f', normals, self._spread, normals))
-        room = np.maximum(bounds - np.abs(normals @ disturbance_B), 1e-3 * bounds)
-        least = float(np.min(room / (need + stored_n_m_s * self._rate)))
-        return min(1.0, least ** 2 / self._terminal.c)
+    def _share(self, wheels: WheelArray, total_D: Array, disturbance_B: Array) -> float:
+        """Return the part of c on which the local law keeps the facets of torque and momentum.
+
+        With theta, omega and p the largest turn, rate and J omega of the set, docs/theory.md (27),
+        ``|n K xi| + omega (|H| + p) <= bound - |n d|`` and ``|n J xi_w| + theta |H| <= bound -
+        |n H|``. For pointing the roll is free, and the momentum of another roll is not promised.
+        """
+        size = float(np.linalg.norm(total_D))
+        parts = []
+        for zonotope, spread, beside, taken in (
+                (wheels.torques, self._torque_spread, self._rate * (size + self._own_n_m_s),
+                 disturbance_B),
+                (wheels.momenta, self._momentum_spread, self._turn * size, total_D)):
+            normals, bounds = zonotope.normals, zonotope.bounds
+            need = np.sqrt(np.einsum('fi,ij,fj->f', normals, spread, normals)) + beside
+            room = np.maximum(bounds - np.abs(normals @ taken), _LEAST_ROOM * bounds)
+            parts.append(float(np.min(room / need)))
+        return min(1.0, min(parts) ** 2 / self._terminal.c)

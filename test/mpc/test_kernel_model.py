@@ -30,7 +30,7 @@ from manifold_mpc_ros.mpc.stages.inequalities import inequalities_of
 
 Array = NDArray[np.float64]
 
-WHEELS = WheelArray([[1, 1, 1], [-1, 1, 1], [-1, -1, 1], [1, -1, 1], [1, 0, 0]], 0.15, 5.0)
+WHEELS = WheelArray([[1, 1, 1], [-1, 1, 1], [-1, -1, 1], [1, -1, 1], [1, 0, 0]], 0.15, 0.8)
 ODD: dict[str, Any] = {
     'inertia_kg_m2': INERTIAS['off_diagonal'], 'horizon': 6,
     'torque_weight': [[2.0, 0.3, 0.0], [0.3, 1.5, -0.2], [0.0, -0.2, 1.0]],
@@ -50,7 +50,7 @@ KINDS: dict[str, dict[str, Any]] = {
                              'rate_ellipsoid_s2': ELLIPSOID, 'max_rate_norm_rad_s': 0.7},
     'cones paper': {**LIMITED, **ODD, 'cones': (*CONES, *GROUP)},
     'certified cones': {**CERTIFIED, 'horizon': 12, 'cones': CONES},
-    'wheels paper': {**LIMITED, **ODD, 'wheels': WHEELS},
+    'wheels symmetric': {**LIMITED, **ODD, 'forcing': 'symmetric', 'wheels': WHEELS},
     'certified wheels': {**CERTIFIED, 'horizon': 12, 'wheels': WHEELS},
     'certified': {**CERTIFIED, 'horizon': 12},
     'certified paper': {**LIMITS, 'horizon': 12},
@@ -94,6 +94,9 @@ def probe(request: pytest.FixtureRequest) -> Probe:
     mpc = AttitudeMpc(config, disturbed=moving, moving=moving)
     if moving:
         mpc.solve(np.eye(3), np.zeros(3), reference=wobbling(config.horizon),
+                  disturbance_B_n_m=[0.02, -0.05, 0.03])
+    if config.wheels is not None:
+        mpc.solve(np.eye(3), np.zeros(3), wheel_momentum_n_m_s=[0.4, -0.3, 0.5, 0.2, -0.1],
                   disturbance_B_n_m=[0.02, -0.05, 0.03])
     solver = mpc._strict
     solver.__class__ = Probe

@@ -1,6 +1,6 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Plans with reaction wheels: the polytope of what they give, about the gyroscopic torque."""
+"""Plans with reaction wheels: momentum and motor torque of every node."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from manifold_mpc_ros.dynamics.wheel_step import wheel_step
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
-from manifold_mpc_ros.mpc.solution import SolveStatus
+from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 
 ARRAY = wheels()
 BOX = ARRAY.torques.box
@@ -40,6 +40,15 @@ def with_wheels() -> AttitudeMpc:
     return make(ARRAY, REACH)
 
 
+def wheel_use(plan: AttitudeMpcSolution, momentum: np.ndarray, array: WheelArray = ARRAY
+              ) -> tuple[float, float]:
+    """Return the largest gauges of motor torque and momentum over a plan, from its states."""
+    stored = plan.R_NB[0] @ (INERTIA @ plan.omega_BN_B[0] + array.axes_B.T @ momentum)
+    b = np.einsum('kji,j->ki', plan.R_NB, stored) - plan.omega_BN_B @ INERTIA
+    return (max(map(array.torques.gauge, np.diff(b, axis=0))),
+            max(map(array.momenta.gauge, b)))
+
+
 def half_turns(n: int) -> list[np.ndarray]:
     """Return rotations by 180 degrees about random axes."""
     axes = np.random.default_rng(4).normal(size=(n, 3))
@@ -54,31 +63,50 @@ def test_plans_keep_the_polytope_and_go_beyond_the_box_in_it(with_wheels: Attitu
         plan, in_box, without = (each.solve(R, np.zeros(3)) for each in (
             with_wheels, boxed, free))
         assert plan.status == SolveStatus.CONVERGED
-        assert max(map(ARRAY.torques.gauge, plan.torques_B_n_m)) <= 1.0 + 1e-9
+        assert wheel_use(plan, np.zeros(4))[0] <= 1.0 + 1e-7
         assert np.abs(plan.torques_B_n_m / BOX).max() > 1.2
-        assert max(map(ARRAY.torques.gauge, without.torques_B_n_m)) > 1.2
+        assert wheel_use(without, np.zeros(4))[0] > 1.2
         assert without.cost <= plan.cost * (1 + 1e-6)
         assert plan.cost < in_box.cost
 
 
-def test_the_polytope_moves_with_the_gyroscopic_torque(with_wheels: AttitudeMpc) -> None:
+def test_the_gyroscopic_torque_of_the_whole_horizon_is_planned_with(with_wheels: AttitudeMpc
+                                                                   ) -> None:
     R, omega = half_turns(1)[0], np.array([0.03, -0.04, 0.02])
-    gyroscopic = np.cross(omega, ARRAY.matrix @ STORED)
     with_wheels.reset()
     plan = with_wheels.solve(R, omega, wheel_momentum_n_m_s=STORED)
-    assert max(map(ARRAY.torques.gauge, plan.torques_B_n_m + gyroscopic)) <= 1.0 + 1e-9
-    assert max(map(ARRAY.torques.gauge, plan.torques_B_n_m)) > 1.05
+    assert plan.status == SolveStatus.CONVERGED
+    torque, momentum = wheel_use(plan, STORED)
+    assert 1.0 - 1e-4 < torque <= 1.0 + 1e-7
+    assert momentum < 0.8
+    with_wheels.reset()
+    still = with_wheels.solve(R, omega)
+    assert max(wheel_use(still, sign * STORED)[0] for sign in (1, -1)) > 1.1
+
+
+def test_plans_keep_the_momentum_that_wheels_can_store() -> None:
+    """As fast as the rate limits let them, turns would take more than that."""
+    small = wheels(max_momentum_n_m_s=2.2e-3)
+    mpc, free = (make(each, REACH, horizon=60) for each in (small, ARRAY))
+    for R in half_turns(3):
+        plans = [each.solve(R, np.zeros(3), wheel_momentum_n_m_s=0.1 * STORED)
+                 for each in (mpc, free)]
+        assert [plan.status for plan in plans] == [SolveStatus.CONVERGED] * 2
+        uses = [wheel_use(plan, 0.1 * STORED, small)[1] for plan in plans]
+        assert uses[0] <= 1.0 + 1e-7
+        assert uses[1] > 1.05
+        assert plans[1].cost < plans[0].cost
 
 
 def test_a_wheel_that_is_not_reported_is_planned_without(with_wheels: AttitudeMpc) -> None:
-    three = ARRAY.without(np.array([False, False, True, False])).torques
+    three = ARRAY.without(np.array([False, False, True, False]))
     for R in half_turns(2):
         with_wheels.reset()
         whole = with_wheels.solve(R, np.zeros(3))
         momentum = np.array([0.0, 0.0, np.nan, 0.0])
         plan = with_wheels.solve(R, np.zeros(3), wheel_momentum_n_m_s=momentum)
-        assert max(map(three.gauge, plan.torques_B_n_m)) <= 1.0 + 1e-9
-        assert max(map(three.gauge, whole.torques_B_n_m)) > 1.5
+        assert wheel_use(plan, np.zeros(4), three)[0] <= 1.0 + 1e-7
+        assert wheel_use(whole, np.zeros(4), three)[0] > 1.5
         assert plan.wheel_torque_n_m is not None
         assert plan.wheel_torque_n_m[2] == 0.0
 
@@ -118,9 +146,9 @@ def test_the_terminal_set_keeps_the_polytope_and_stored_momentum_costs_some_of_i
     torques = mpc.config.wheels.torques  # type: ignore[union-attr]
     reached = np.abs(xi @ design.K.T @ torques.normals.T / torques.bounds).max()
     assert 0.9 < reached <= 1.0
-    shares = [mpc._wheels.hold(scale * STORED, np.zeros(3), np.zeros(3)) for scale in (0, 0.5, 1)]
-    assert shares[0] == 1.0
-    assert shares[0] > shares[1] > shares[2] > 0.1
+    zero, one = np.zeros(3), np.eye(3)
+    shares = [mpc._wheels.hold(scale * STORED, one, zero, one, zero) for scale in (0, 0.5, 1)]
+    assert 1.0 > shares[0] > shares[1] > shares[2] > 0.1
     stored = np.linalg.norm(ARRAY.matrix @ STORED)
     xi *= shares[2] ** 0.5
     need = np.abs(xi @ design.K.T @ torques.normals.T) + stored * np.linalg.norm(

@@ -20,7 +20,11 @@ from manifold_mpc_ros.mpc.stages import (
     terminal,
 )
 from manifold_mpc_ros.mpc.stages.cone import direction_phases
-from manifold_mpc_ros.mpc.stages.inequalities import cone_inequalities, torque_inequalities
+from manifold_mpc_ros.mpc.stages.inequalities import (
+    cone_inequalities,
+    torque_inequalities,
+    wheel_inequalities,
+)
 
 
 class Program(NamedTuple):
@@ -53,7 +57,8 @@ def program_of(structure: Structure) -> Program:
         node = quadratic_model.paper_node_phase(s)
         transition = quadratic_model.paper_transition_phase()
     gather, begin_terminal = merit.gather_phase(s), initial_guess.begin_terminal_phase(s)
-    reach = (riccati.largest_reach_phase(),) if torque_inequalities(s) else ()
+    reach = (riccati.largest_reach_phase(),) if torque_inequalities(s) or wheel_inequalities(
+        s) else ()
     return Program(
         set_state=(initial_state.set_state_phase(s), *direction_phases(cone_inequalities(s))),
         slew=(initial_guess.slew_phase(s),),

@@ -74,6 +74,11 @@ def box_hessian(weight: ca.SX, limit: ca.SX) -> ca.SX:
     return (weight[0:3] + weight[3:6]) / (limit * limit)
 
 
+def where(flag: ca.SX, value: ca.SX) -> ca.SX:
+    """Return the value where the flag is not zero, else exactly 0 (whatever the value is)."""
+    return ca.if_else(flag != 0, value, ca.SX.zeros(*value.shape))
+
+
 def largest(*values: ca.SX) -> ca.SX:
     """Return the largest absolute entry over vectors, 0 when all are empty."""
     return most(ca.fabs(ca.vertcat(*values))) if values else ca.SX(0)

@@ -23,13 +23,13 @@ from manifold_mpc_ros.mpc.program import fields as f
 from manifold_mpc_ros.mpc.program.field import Field, Memory
 from manifold_mpc_ros.mpc.program.phase import Phase, Read, phase
 from manifold_mpc_ros.mpc.scaling import Array, Scaling
-from manifold_mpc_ros.mpc.stages.inequality import Curvature, Node, NodeInequality, Variation
+from manifold_mpc_ros.mpc.stages.inequality import Curvature, LocalInequality, Node, Variation
 
 #: What the slew law of a start aims at, stage by stage: quaternion in the target's axes.
 AIM = Field('aim', 4, Memory.MODEL)
 
 
-class ConeInequality(NodeInequality):
+class ConeInequality(LocalInequality):
     """Values ``s . R_DB b - beta``, one a cone; data: b (3) and beta of each.
 
     b is the axis, with its sign turned for keep-in, over sin theta, so that a value near 0 is the

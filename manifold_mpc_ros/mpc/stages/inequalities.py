@@ -4,13 +4,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 
 import casadi as ca
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.mpc.program import fields as f
 from manifold_mpc_ros.mpc.program.phase import Read
 from manifold_mpc_ros.mpc.program.structure import Structure
 from manifold_mpc_ros.mpc.stages.barrier import join
@@ -21,14 +19,14 @@ from manifold_mpc_ros.mpc.stages.inequality import (
     RateInequality,
     TorqueInequality,
 )
-from manifold_mpc_ros.mpc.stages.rate_box import RateBox
-from manifold_mpc_ros.mpc.stages.rate_ellipsoid import RateEllipsoid
+from manifold_mpc_ros.mpc.stages.rate_limits import RateBox, RateEllipsoid
 from manifold_mpc_ros.mpc.stages.terminal_level import TerminalLevel
-from manifold_mpc_ros.mpc.stages.torque_box import ShiftedTorqueBox, TorqueBox, TorquePolytope
+from manifold_mpc_ros.mpc.stages.torque_box import ShiftedTorqueBox, TorqueBox
+from manifold_mpc_ros.mpc.stages.wheel_limits import MotorTorque, StoredMomentum
 
 KINDS: tuple[type[Inequality], ...] = (
-    TorqueBox, TorquePolytope, RateBox, RateEllipsoid, ConeInequality, AnyOf2, AnyOf3, AnyOf4,
-    TerminalLevel)
+    TorqueBox, StoredMomentum, MotorTorque, RateBox, RateEllipsoid, ConeInequality, AnyOf2, AnyOf3,
+    AnyOf4, TerminalLevel)
 #: What takes the place of a kind where a disturbance torque acts.
 DISTURBED: dict[type[Inequality], type[Inequality]] = {TorqueBox: ShiftedTorqueBox}
 
@@ -66,19 +64,9 @@ def rate_inequalities(structure: Structure) -> tuple[RateInequality, ...]:
 
 def torque_box(structure: Structure, read: Read) -> ca.SX | None:
     """Return the half widths (3,) of a box of torques that all limits allow, None without one."""
-    boxes = [each.box(read) for each in torque_inequalities(structure)]
+    boxes = [each.box(read) for each in inequalities_of(structure)
+             if isinstance(each, (TorqueInequality, MotorTorque))]
     return join(ca.fmin, boxes) if boxes else None
-
-
-def torque_weight(structure: Structure, read: Read, offset: int = 0,
-                  keep: Callable[[ca.SX], ca.SX] = lambda each: each) -> ca.SX:
-    """Return the Hessian (3, 3) of the limits of a stage's torque, each field passed to keep."""
-    weight = ca.diag(keep(read(f.TORQUE_WEIGHT, offset)))
-    for each in torque_inequalities(structure):
-        if each.cross is not None:
-            xy, xz, yz = ca.vertsplit(keep(read(each.cross, offset)))
-            weight += ca.blockcat([[0, xy, xz], [xy, 0, yz], [xz, yz, 0]])
-    return weight
 
 
 def rate_box(structure: Structure, read: Read) -> ca.SX | None:
@@ -96,6 +84,11 @@ def terminal_level(structure: Structure) -> TerminalLevel | None:
 def cone_inequalities(structure: Structure) -> tuple[ConeInequality, ...]:
     """Return those of cones and of their groups."""
     return tuple(each for each in inequalities_of(structure) if isinstance(each, ConeInequality))
+
+
+def wheel_inequalities(structure: Structure) -> tuple[StoredMomentum, ...]:
+    """Return those of reaction wheels: momentum and motor torque, nothing without wheels."""
+    return tuple(each for each in inequalities_of(structure) if isinstance(each, StoredMomentum))
 
 
 def of_attitude(structure: Structure) -> bool:

@@ -13,6 +13,7 @@ table). Formulas take ``read`` for the numbers of the limit (``read(self.data)``
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import ClassVar, NamedTuple
 
 import casadi as ca
@@ -73,9 +74,6 @@ class Inequality(ABC):
 class TorqueInequality(Inequality):
     """A hard limit on the torque u (3,) of a stage."""
 
-    #: Where its Hessian has more than a diagonal: entries xy, xz, yz.
-    cross: Field | None = None
-
     @abstractmethod
     def values(self, read: Read, u: ca.SX) -> ca.SX:
         """Return v (rows,)."""
@@ -91,10 +89,6 @@ class TorqueInequality(Inequality):
     @abstractmethod
     def hessian(self, read: Read, weight: ca.SX) -> ca.SX:
         """Return the diagonal (3,) of ``(dv/du)^T diag(weight) dv/du``."""
-
-    def crossed(self, read: Read, weight: ca.SX) -> dict[Field, ca.SX]:
-        """Return its entries xy, xz, yz by their field, nothing where it is diagonal."""
-        return {}
 
     @abstractmethod
     def box(self, read: Read) -> ca.SX:
@@ -126,10 +120,11 @@ class TorqueInequality(Inequality):
 
 
 class Node(NamedTuple):
-    """What a node's limits depend on: quaternion of R_DB, body rate (3,)."""
+    """What a node's limits depend on: quaternion of R_DB, body rate (3,), fields of neighbours."""
 
     attitude: ca.SX
     rate: ca.SX
+    get: Callable[[Field, int], ca.SX]
 
 
 class Variation(NamedTuple):
@@ -146,8 +141,18 @@ class Curvature(NamedTuple):
     rate: ca.SX
 
 
+class LimitTerms(NamedTuple):
+    """Terms of a node's limits, by its spatial turn and its momentum, and by both where any is."""
+
+    pull: Variation
+    force: Variation
+    hessian: Curvature
+    products: ca.SX
+    mixed: ca.SX | None = None
+
+
 class NodeInequality(Inequality):
-    """An elastic limit on the state of a node k >= 1."""
+    """An elastic limit on the state of a node k >= 1, and of the one before it."""
 
     penalty: ClassVar[float]
     #: Whether it depends on the attitude, which the model then carries along.
@@ -165,18 +170,10 @@ class NodeInequality(Inequality):
     def slope(self, read: Read, node: Node, step: Variation) -> ca.SX:
         """Return ``dv/dx step`` (rows,)."""
 
-    @abstractmethod
-    def gradient(self, read: Read, node: Node, pull: ca.SX) -> Variation:
-        """Return ``(dv/dx)^T pull``."""
-
-    @abstractmethod
-    def hessian(self, read: Read, node: Node, weight: ca.SX, s: ca.SX) -> Curvature:
-        """Return ``(dv/dx)^T diag(weight) dv/dx + sum_i s_i d2v_i/dx2``."""
-
-    def bounds(self, read: Read) -> Bounds:
-        """Return its terms in the Newton system of a node."""
-        return barrier.elastic_bounds(read(self.slack), read(self.elastic), read(self.multiplier),
-                                      read(f.BARRIER), self.penalty)
+    def bounds(self, read: Read, shift: int = 0) -> Bounds:
+        """Return its terms in the Newton system of node k + shift."""
+        y, t, s = (read(each, shift) for each in (self.slack, self.elastic, self.multiplier))
+        return barrier.elastic_bounds(y, t, s, read(f.BARRIER), self.penalty)
 
     def products(self, read: Read, bounds: Bounds) -> tuple[ca.SX, ca.SX]:
         """Return the complementarity products of a node, (rows,) each."""
@@ -203,7 +200,19 @@ class NodeInequality(Inequality):
         return {self.slack: y, self.elastic: t, self.multiplier: s}
 
 
-class RateInequality(NodeInequality):
+class LocalInequality(NodeInequality):
+    """One whose derivatives are by the node itself, attitude and rate apart."""
+
+    @abstractmethod
+    def gradient(self, read: Read, node: Node, pull: ca.SX) -> Variation:
+        """Return ``(dv/dx)^T pull``."""
+
+    @abstractmethod
+    def hessian(self, read: Read, node: Node, weight: ca.SX, s: ca.SX) -> Curvature:
+        """Return ``(dv/dx)^T diag(weight) dv/dx + sum_i s_i d2v_i/dx2``."""
+
+
+class RateInequality(LocalInequality):
     """A limit on the body rate alone; the slew of an initial guess keeps it too."""
 
     penalty = 1e4

@@ -14,9 +14,12 @@ from manifold_mpc_ros.mpc.program.field import Field
 from manifold_mpc_ros.mpc.program.phase import Order, Phase, Read, phase
 from manifold_mpc_ros.mpc.program.structure import Structure
 from manifold_mpc_ros.mpc.scaling import Parameters
-from manifold_mpc_ros.mpc.stages.barrier import join, product
-from manifold_mpc_ros.mpc.stages.inequalities import node_inequalities, torque_inequalities
-from manifold_mpc_ros.mpc.stages.quadratic_model import where
+from manifold_mpc_ros.mpc.stages.barrier import join, product, where
+from manifold_mpc_ros.mpc.stages.inequalities import (
+    node_inequalities,
+    torque_inequalities,
+    wheel_inequalities,
+)
 from manifold_mpc_ros.mpc.stages.terminal_level import TerminalLevel
 
 
@@ -41,14 +44,16 @@ def node_merit(structure: Structure, later: ca.SX, writes: dict[Field, ca.SX]
 
     ``writes`` has their slacks and elastic parts.
     """
-    limits = node_inequalities(structure)
+    limits, wheels = node_inequalities(structure), wheel_inequalities(structure)
     if not limits:
         return {}
     penalty = sum(each.penalty * ca.sum1(writes[each.elastic]) for each in limits)
     slacks = join(operator.mul, [product(ca.vertcat(writes[each.slack], writes[each.elastic]))
-                                 for each in limits])
+                                 for each in limits if each not in wheels] or [ca.SX(1)])
     return {f.PENALTY_NODE: where(later, penalty),
-            f.SLACKS_NODE: ca.if_else(later != 0, slacks, 1)}
+            f.SLACKS_NODE: ca.if_else(later != 0, slacks, 1),
+            **{each.parts: each.products_of(writes[each.slack], writes[each.elastic])
+               for each in wheels}}
 
 
 def terminal_sums(value: ca.SX, limit: TerminalLevel, y: ca.SX, t: ca.SX) -> ca.SX:
@@ -76,6 +81,8 @@ def gather_phase(structure: Structure) -> Phase:
         if torque_inequalities(structure):
             slacks *= read(f.SLACKS_STAGE)
         logs = ca.SX(0) if slacks.is_constant() else ca.log(slacks)
+        for each in wheel_inequalities(structure):
+            logs += ca.sum1(ca.log(read(each.parts, 1)))
         return {f.SUMS: ca.vertcat(sums[0] + cost, sums[1] + logs, ca.fmin(sums[2], sound))}
 
     return phase('gather', expression, order=Order.BACKWARD)

@@ -17,9 +17,6 @@ momenta are explicit in the steps (docs/solver.md):
 
 from __future__ import annotations
 
-from functools import partial
-from typing import NamedTuple
-
 import casadi as ca
 
 from manifold_mpc_ros.dynamics.symbolic import solve_3x3
@@ -30,20 +27,29 @@ from manifold_mpc_ros.mpc.program.phase import Order, Phase, Read, phase
 from manifold_mpc_ros.mpc.program.structure import Structure
 from manifold_mpc_ros.mpc.scaling import Parameters, unpack
 from manifold_mpc_ros.mpc.stages import step_derivatives as form
-from manifold_mpc_ros.mpc.stages.barrier import largest
+from manifold_mpc_ros.mpc.stages.barrier import largest, where
 from manifold_mpc_ros.mpc.stages.inequalities import (
     node_inequalities,
     of_attitude,
     torque_inequalities,
-    torque_weight,
+    wheel_inequalities,
 )
-from manifold_mpc_ros.mpc.stages.inequality import Curvature, Node, Variation
+from manifold_mpc_ros.mpc.stages.inequality import (
+    Curvature,
+    LimitTerms,
+    LocalInequality,
+    Node,
+    Variation,
+)
 from manifold_mpc_ros.mpc.stages.reference import excess_torque, weights
-
-
-def where(flag: ca.SX, value: ca.SX) -> ca.SX:
-    """Return the value where the flag is not zero, else exactly 0 (whatever the value is)."""
-    return ca.if_else(flag != 0, value, ca.SX.zeros(*value.shape))
+from manifold_mpc_ros.mpc.stages.wheel_limits import (
+    CONTROL_TURN,
+    MIXED_HESSIAN,
+    STEP_WEIGHT,
+    by_turn,
+    step_terms,
+    with_wheels,
+)
 
 
 def blend(exact: ca.SX, curved: ca.SX, gauss_newton: ca.SX) -> ca.SX:
@@ -71,10 +77,10 @@ def force_phase(structure: Structure) -> Phase:
             writes[f.TORQUE_WEIGHT] = sum(each.hessian(read, b.weight) for each, b in terms)
             writes[f.PRODUCTS] = largest(*(b.slack * b.multiplier for _, b in terms))
             for each, b in terms:
-                writes |= each.crossed(read, b.weight)
                 writes[f.PULL] += each.gradient(read, b.pull)
                 writes[f.FORCE] += each.gradient(read, b.multiplier)
-        return writes
+        wheels = wheel_inequalities(structure)
+        return writes | (step_terms(wheels, read) if wheels else {})
 
     return phase('force', expression)
 
@@ -82,19 +88,10 @@ def force_phase(structure: Structure) -> Phase:
 def node_at(read: Read, p: Parameters, *, new: bool = False) -> Node:
     """Return what the limits of node k depend on; of the new trajectory where asked for."""
     get = read.new if new else read
-    return Node(get(f.ATTITUDE), p.inertia_inverse @ get(f.MOMENTUM))
+    return Node(get(f.ATTITUDE), p.inertia_inverse @ get(f.MOMENTUM), get)
 
 
-class _LimitTerms(NamedTuple):
-    """Terms of a node's limits, by its spatial turn and its momentum."""
-
-    pull: Variation
-    force: Variation
-    hessian: Curvature
-    products: ca.SX
-
-
-def _limit_terms(structure: Structure, read: Read, p: Parameters) -> _LimitTerms:
+def _limit_terms(structure: Structure, read: Read, p: Parameters) -> LimitTerms:
     """Return the terms of the limits of node k, rates turned into momenta."""
     node, to_rate = node_at(read, p), p.inertia_inverse
     zero = Variation(ca.SX.zeros(3), ca.SX.zeros(3))
@@ -104,15 +101,19 @@ def _limit_terms(structure: Structure, read: Read, p: Parameters) -> _LimitTerms
     for each in node_inequalities(structure):
         bounds = each.bounds(read)
         s = bounds.multiplier
+        products += each.products(read, bounds)
+        if not isinstance(each, LocalInequality):
+            continue
         pull = _sum(pull, each.gradient(read, node, bounds.pull))
         force = _sum(force, each.gradient(read, node, s))
         hessian = Curvature(*(a + b for a, b in zip(
             hessian, each.hessian(read, node, bounds.weight, s))))
-        products += each.products(read, bounds)
-    return _LimitTerms(
+    terms = LimitTerms(
         Variation(pull.turn, to_rate @ pull.rate), Variation(force.turn, to_rate @ force.rate),
         Curvature(hessian.turn, form.congruence(to_rate, hessian.rate @ to_rate)),
         where(read(f.LATER), largest(*products)) if products else ca.SX(0))
+    wheels = wheel_inequalities(structure)
+    return with_wheels(terms, wheels, read) if wheels else terms
 
 
 def _sum(one: Variation, other: Variation) -> Variation:
@@ -120,7 +121,7 @@ def _sum(one: Variation, other: Variation) -> Variation:
     return Variation(one.turn + other.turn, one.rate + other.rate)
 
 
-def _turn_terms(structure: Structure, g: ca.SX, limits: _LimitTerms, read: Read, p: Parameters
+def _turn_terms(structure: Structure, g: ca.SX, limits: LimitTerms, read: Read, p: Parameters
                 ) -> dict[Field, ca.SX]:
     """Return gradient and Hessian by a spatial turn: ``tr(Qg (I - g))``, and limits of it."""
     weight, inner = weights(structure, read, p), read(f.INNER)
@@ -158,8 +159,8 @@ def paper_node_phase(structure: Structure) -> Phase:
         limits = _limit_terms(structure, read, p)
         into, out = p.torque_hessian + limits.hessian.rate, inner * p.torque_hessian
         if torque_inequalities(structure):
-            into = into + torque_weight(structure, read, -1)
-            out = out + torque_weight(structure, read, keep=partial(where, inner))
+            into = into + ca.diag(read(f.TORQUE_WEIGHT, -1))
+            out = out + ca.diag(where(inner, read(f.TORQUE_WEIGHT)))
         after = form.momentum_derivative(turn, p.inertia)
         before = form.derivative_before(turn, after, read(f.MOMENTUM)) @ g.T
         after = after @ g.T
@@ -224,7 +225,8 @@ def symmetric_node_phase(structure: Structure) -> Phase:
                 f.MOVE_GRADIENT: inner * gradient + limits.pull.rate,
                 f.MOVE_FORCE: inner * gradient + limits.force.rate,
                 f.MOVE_HESSIAN: form.upper_part(inner * hessian + limits.hessian.rate),
-                f.NODE_PRODUCTS: limits.products}
+                f.NODE_PRODUCTS: limits.products,
+                **({} if limits.mixed is None else {MIXED_HESSIAN: ca.vec(limits.mixed)})}
 
     return phase('node', expression, beyond=1)
 
@@ -251,17 +253,23 @@ def symmetric_transition_phase(structure: Structure) -> Phase:
         lagrangian = turn @ form.multiplier_matrix(2 * force + costate, -costate, p.inertia)
         weight = p.torque_hessian
         if torque_inequalities(structure):
-            weight = weight + torque_weight(structure, read)
+            weight = weight + ca.diag(read(f.TORQUE_WEIGHT))
         by_control = 2 * after
         weighted = weight @ by_control
         curved = form.congruence(g.T, exact * form.left_hessian(lagrangian) @ g.T)
-        return {f.AFTER: ca.vec(after), f.PASSED: ca.vec(after + before),
-                f.CROSS: ca.vec(-2 * weighted.T),
-                f.CONTROL_GRADIENT: by_control.T @ read(f.PULL),
-                f.CONTROL_HESSIAN: form.upper_part(
-                    form.congruence(by_control, weighted) + curved),
-                f.STAGE_RESIDUAL: largest(
-                    g @ vee_of_skew_part(lagrangian) + read(f.TURN_COSTATE))}
+        passed, cross = after + before, -2 * weighted.T
+        control = form.congruence(by_control, weighted) + curved
+        writes = {f.AFTER: ca.vec(after), f.PASSED: ca.vec(passed),
+                  f.CONTROL_GRADIENT: by_control.T @ read(f.PULL),
+                  f.STAGE_RESIDUAL: largest(
+                      g @ vee_of_skew_part(lagrangian) + read(f.TURN_COSTATE))}
+        if wheel_inequalities(structure):
+            motors, turned = form.symmetric_from(read(STEP_WEIGHT)), by_turn(read, 1)
+            by_motors = (turned - passed).T @ motors
+            control += by_motors @ (turned - passed)
+            cross += 2 * by_motors
+            writes[CONTROL_TURN] = ca.vec(by_motors @ (turned - by_turn(read)))
+        return writes | {f.CROSS: ca.vec(cross), f.CONTROL_HESSIAN: form.upper_part(control)}
 
     return phase('transition', expression)
 

@@ -27,8 +27,9 @@ from manifold_mpc_ros.mpc.stages.barrier import largest, most
 from manifold_mpc_ros.mpc.stages.inequalities import (
     node_inequalities,
     torque_inequalities,
-    torque_weight,
+    wheel_inequalities,
 )
+from manifold_mpc_ros.mpc.stages.wheel_limits import CONTROL_TURN, MIXED_HESSIAN, MotorTorque
 
 
 class _Value(NamedTuple):
@@ -72,8 +73,9 @@ def _paper_model(v: _Value, read: Read) -> _Model:
     return _Model(v.move, v.by_move, v.mixed.T, v.mixed.T + cross, rest)
 
 
-def _symmetric_model(v: _Value, read: Read, weight: ca.SX) -> _Model:
+def _symmetric_model(v: _Value, structure: Structure, read: Read) -> _Model:
     """Return the model with theta' = theta + v, sigma' = E v - sigma."""
+    weight = _torque_weight(structure, read)
     passed = ca.reshape(read(f.PASSED), 3, 3)
     cross = ca.reshape(read(f.CROSS), 3, 3)
     coupling = -read(f.EXACT) * hat(read(f.TURN_COSTATE)) / 2
@@ -87,8 +89,11 @@ def _symmetric_model(v: _Value, read: Read, weight: ca.SX) -> _Model:
         read(f.MOVE_GRADIENT) - v.by_move - 2 * read(f.PULL),
         v.turn + form.symmetric_from(read(f.TURN_HESSIAN)), -v.mixed,
         v.move + form.symmetric_from(read(f.MOVE_HESSIAN)) + 4 * weight)
-    return _Model(control, by_control, (v.turn + moved + coupling).T,
-                  cross - v.mixed - carried.T, rest)
+    control_turn, control_move = (v.turn + moved + coupling).T, cross - v.mixed - carried.T
+    if wheel_inequalities(structure):
+        control_turn += ca.reshape(read(CONTROL_TURN), 3, 3)
+        rest = rest._replace(mixed=rest.mixed + ca.reshape(read(MIXED_HESSIAN), 3, 3))
+    return _Model(control, by_control, control_turn, control_move, rest)
 
 
 class _Factor(NamedTuple):
@@ -146,10 +151,7 @@ def riccati_phase(structure: Structure) -> Phase:
     """
     def expression(read: Read) -> dict[Field, ca.SX]:
         v = _value(read(f.VALUE))
-        if structure.symmetric:
-            m = _symmetric_model(v, read, _torque_weight(structure, read))
-        else:
-            m = _paper_model(v, read)
+        m = _symmetric_model(v, structure, read) if structure.symmetric else _paper_model(v, read)
         factor = _factorise(m.control, ca.horzcat(m.by_control, m.control_turn, m.control_move))
         gains = -_substitute(factor)
         y, scaled = factor.reduced, ca.diag(factor.inverse) @ factor.reduced
@@ -177,7 +179,7 @@ def _torque_weight(structure: Structure, read: Read) -> ca.SX:
     """Return the Hessian (3, 3) of a stage's torque, barrier included."""
     weight = unpack(read(f.PARAMETER)).torque_hessian
     limited = torque_inequalities(structure)
-    return weight + torque_weight(structure, read) if limited else weight
+    return weight + ca.diag(read(f.TORQUE_WEIGHT)) if limited else weight
 
 
 def linear_phase(structure: Structure) -> Phase:
@@ -214,6 +216,8 @@ def reach_phase(structure: Structure) -> Phase:
             change = after @ read(f.CONTROL) - before @ read(f.MOVE)
         parts = [each.slope(read, change) / read(each.slack)
                  for each in torque_inequalities(structure)]
+        parts += [each.reach(read) for each in wheel_inequalities(structure)
+                  if isinstance(each, MotorTorque)]
         reach = {f.REACH: most(ca.vertcat(*parts))} if parts else {}
         return {f.TORQUE_CHANGE: change, **reach}
 

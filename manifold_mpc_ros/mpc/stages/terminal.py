@@ -27,9 +27,14 @@ from manifold_mpc_ros.mpc.program.structure import Structure
 from manifold_mpc_ros.mpc.scaling import Parameters, unpack
 from manifold_mpc_ros.mpc.stages import step_derivatives as form
 from manifold_mpc_ros.mpc.stages.barrier import elastic_bounds, largest
-from manifold_mpc_ros.mpc.stages.inequalities import of_attitude, terminal_level
+from manifold_mpc_ros.mpc.stages.inequalities import (
+    of_attitude,
+    terminal_level,
+    wheel_inequalities,
+)
 from manifold_mpc_ros.mpc.stages.quadratic_model import turn_force
 from manifold_mpc_ros.mpc.stages.reference import axes, errors
+from manifold_mpc_ros.mpc.stages.wheel_limits import MIXED_HESSIAN
 
 
 def error_vector(q: ca.SX, pointing: bool, p: Parameters) -> ca.SX:
@@ -147,6 +152,9 @@ def terminal_phase(structure: Structure) -> Phase:
             turn, by_turn = form.symmetric_from(read(f.TURN_HESSIAN)), read(f.TURN_GRADIENT)
             turn_sum = turn_sum + read(turn_force(structure))
         hessian += ca.diagcat(turn, move)
+        if wheel_inequalities(structure):
+            mixed = ca.reshape(read(MIXED_HESSIAN), 3, 3)
+            hessian += ca.blockcat([[ca.SX(3, 3), mixed], [mixed.T, ca.SX(3, 3)]])
         gradient += ca.vertcat(by_turn, read(f.MOVE_GRADIENT))
         last = force[3:6] + read(f.MOVE_FORCE)
         stationarity = ca.SX(0) if structure.symmetric else largest(last)
