@@ -24,7 +24,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from manifold_mpc_ros.lie.arrays import Array
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / 'test'))
 
@@ -44,8 +45,6 @@ from manifold_mpc_ros.mpc.program.numbers import numbers_of
 from manifold_mpc_ros.mpc.scaling import scaling_of
 from manifold_mpc_ros.mpc.solution import SolveStatus
 from manifold_mpc_ros.mpc.stages.inequalities import structure_of
-
-Array = NDArray[np.float64]
 
 
 class Body(NamedTuple):

@@ -28,9 +28,8 @@ from numpy.typing import NDArray
 
 from manifold_mpc_ros import AttitudeMpc, AttitudeMpcConfig, AttitudeMpcSolution, Cone
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.target import attitude_towards
-
-Array = NDArray[np.float64]
 
 RESULT = Path(__file__).parents[1] / 'docs' / 'results' / 'cones.json'
 SAMPLE_S = 0.01

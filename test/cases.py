@@ -7,14 +7,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from strategies import INERTIAS, generator, half_turns, unit_vectors
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
-
-Array = NDArray[np.float64]
 
 BODY = np.diag([1.0, 0.9, 0.6])
 LIMITS: dict[str, Any] = {'max_torque_n_m': 0.3, 'max_rate_rad_s': 0.6}

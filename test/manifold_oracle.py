@@ -9,15 +9,13 @@ IPOPT from many starts on one side, the specialised sweep and its own search on 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics.lgvi import cayley_step
 from manifold_mpc_ros.lab.reference.manifold_mpc import ManifoldMpc, ManifoldSolution, Terminal
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.problem_of import problem_of
-
-Array = NDArray[np.float64]
 
 
 def point_of(config: AttitudeMpcConfig, R_DB: Array, omega_BN_B: Array) -> Array:

@@ -8,15 +8,13 @@ import itertools
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.errors import StepExistenceError
 from manifold_mpc_ros.lab.benchmark.peers.oracle import Optimum, Oracle, Steps, steps_of
 from manifold_mpc_ros.lie import so3
-
-Array = NDArray[np.float64]
+from manifold_mpc_ros.lie.arrays import Array
 
 OCTANTS = np.array(list(itertools.product((1.0, -1.0), repeat=3)))
 NOTHING = Optimum(np.inf, np.zeros((0, 3)))

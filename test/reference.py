@@ -7,15 +7,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics.lgvi import legendre, lgvi_step, step_rotation
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution
-
-Array = NDArray[np.float64]
 
 
 def advance(config: AttitudeMpcConfig, R: Array, omega: Array, tau: Array

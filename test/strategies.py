@@ -14,12 +14,10 @@ from collections.abc import Callable
 
 import numpy as np
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.lie.coefficients import SERIES_ANGLE
-
-Array = NDArray[np.float64]
 
 # Distances from 0 and from 180 degrees [rad].
 OFFSETS_RAD = np.logspace(-12, -3, 10)

@@ -13,8 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.lie.arrays import Array
 
-FloatArray = npt.NDArray[np.float64]
+FloatArray = Array
 
 #: Corners (8, 3) of the cube [-1, 1]^3.
 CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))

@@ -19,6 +19,7 @@ import numpy as np
 from manifold_mpc_ros.config import checks
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 
 Quaternion = tuple[float, float, float, float]
 Vector = tuple[float, float, float]
@@ -40,7 +41,7 @@ WORLD_AXES: Named = {'ENU': None, 'inertial': None,
 class Axes(NamedTuple):
     """The rotation (3, 3) from the axes of a stack to ours, and as w, x, y, z."""
 
-    R: so3.Array
+    R: Array
     q_wxyz: Quaternion
 
 
@@ -91,7 +92,7 @@ class RateConvention:
     names = 'xyz'
 
 
-def wxyz(R: so3.Array) -> Quaternion:
+def wxyz(R: Array) -> Quaternion:
     """Return the quaternion of a rotation."""
     w, x, y, z = so3.quaternion_from_rotation(R).tolist()
     return (w, x, y, z)

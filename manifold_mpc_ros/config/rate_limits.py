@@ -13,11 +13,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from manifold_mpc_ros.config.checks import CORNERS, FloatArray
-
-BoolArray = NDArray[np.bool_]
+from manifold_mpc_ros.lie.arrays import BoolArray
 
 
 class RateLimit(ABC):

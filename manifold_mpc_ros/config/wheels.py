@@ -19,13 +19,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from manifold_mpc_ros.config import checks as checks
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.errors import ConfigurationError
-
-BoolArray = npt.NDArray[np.bool_]
+from manifold_mpc_ros.lie.arrays import BoolArray
 
 #: What motor torques that turn nothing are used for.
 NULL_SPACES = ('least_torque', 'away_from_zero', 'balanced')

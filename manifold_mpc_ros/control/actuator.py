@@ -12,11 +12,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-
-Array = NDArray[np.float64]
+from manifold_mpc_ros.lie.arrays import Array
 
 #: A realised torque within this part of the planned one's largest component is the planned one.
 TORQUE_ROUNDING = 1e-9

@@ -28,10 +28,10 @@ import numpy as np
 
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.controller import ControllerConfig
-from manifold_mpc_ros.config.rate_limits import BoolArray
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample
 from manifold_mpc_ros.dynamics.inertia import principal_moments
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import BoolArray
 
 #: So many contradictions by the same convention, less the comparisons between that agree, latch.
 MOST_CONTRADICTIONS = 4

@@ -25,8 +25,9 @@ from manifold_mpc_ros.control.decrease_record import (
     Tolerance,
     ValuedPlan,
 )
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.program.options import SMALLEST_BARRIER
-from manifold_mpc_ros.mpc.scaling import Array, scaling_of
+from manifold_mpc_ros.mpc.scaling import scaling_of
 from manifold_mpc_ros.mpc.solution import SolveStatus
 
 #: A broken promise is warned of for so many ticks after it.

@@ -23,15 +23,13 @@ tau = -J omega / (4 h), scaled into the whole limits.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.rate_limits import RateEllipsoid
 from manifold_mpc_ros.control.actuator import scaled_into
 from manifold_mpc_ros.dynamics.inertia import existence_guard
 from manifold_mpc_ros.lie import so3
-
-Array = NDArray[np.float64]
+from manifold_mpc_ros.lie.arrays import Array
 
 #: The time constants of turning and of braking, in control steps.
 TURNING_STEPS = 8.0

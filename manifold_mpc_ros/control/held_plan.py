@@ -9,12 +9,10 @@ from enum import Enum
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from manifold_mpc_ros.control.modes import LONGEST_HOLD_TICKS
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
-
-Array = NDArray[np.float64]
 
 #: A value within this of the bound, relative, is no worse: the rounding of the solver.
 VALUE_ROUNDING = 1e-6

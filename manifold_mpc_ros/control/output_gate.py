@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from manifold_mpc_ros.control.actuator import Actuation, Actuator, Array
+from manifold_mpc_ros.control.actuator import Actuation, Actuator
+from manifold_mpc_ros.lie.arrays import Array
 
 #: On the way back to the optimiser the torque changes by at most this part of the limit a tick.
 SLEW_FRACTION = 0.5

@@ -8,12 +8,10 @@ The step of the LGVI is guaranteed to exist, and to be below 90 degrees, while
 
 from __future__ import annotations
 
-from typing import TypeAlias
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array: TypeAlias = NDArray[np.float64]
+from manifold_mpc_ros.lie.arrays import Array
 
 
 def nonstandard_inertia(J: ArrayLike) -> Array:

@@ -19,14 +19,14 @@ from __future__ import annotations
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from manifold_mpc_ros.dynamics import scalar_form
 from manifold_mpc_ros.dynamics.inertia import principal_moments
 from manifold_mpc_ros.dynamics.scalar_form import Matrix, Vector
 from manifold_mpc_ros.errors import ConfigurationError, StepExistenceError
+from manifold_mpc_ros.lie.arrays import Array
 
-Array: TypeAlias = NDArray[np.float64]
 Forcing: TypeAlias = Literal['symmetric', 'paper']
 
 # A Newton step at or below this leaves an error of its square times the curvature.

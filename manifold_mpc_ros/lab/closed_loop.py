@@ -8,17 +8,16 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, Protocol, TypeAlias
+from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3
-
-Array: TypeAlias = NDArray[Any]
+from manifold_mpc_ros.lie.arrays import AnyArray as Array
 
 
 class Body(Protocol):

@@ -13,9 +13,8 @@ import math
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from manifold_mpc_ros.lie.arrays import Array
 
 # Below this angle [rad] the series are used; seven and eight terms reach 1e-17 of the value.
 SERIES_ANGLE = 0.5

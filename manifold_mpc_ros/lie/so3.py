@@ -19,15 +19,13 @@ test_so3_jacobians.py, with a margin of two to five for other machines.
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from manifold_mpc_ros.errors import ConfigurationError, ManifoldMpcError
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.lie.coefficients import cotangent_defect, sinc, sine_defect
-
-Array: TypeAlias = NDArray[np.float64]
 
 # |w| at or below this is rounding of an exact 180 degree rotation (3.6e-15 rad or less from it).
 HALF_TURN_W = 8.0 * float(np.finfo(np.float64).eps)

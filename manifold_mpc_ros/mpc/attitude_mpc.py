@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.backends.build import load_solver
 from manifold_mpc_ros.mpc.cone_keeper import ConeKeeper
 from manifold_mpc_ros.mpc.local_solver import LocalSolver, Plan, StateReport
@@ -26,7 +27,7 @@ from manifold_mpc_ros.mpc.reference import (
     ReferenceNumbers,
     numbers_of_reference,
 )
-from manifold_mpc_ros.mpc.scaling import Array, scaling_of
+from manifold_mpc_ros.mpc.scaling import scaling_of
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus, failed, with_wheels
 from manifold_mpc_ros.mpc.stages.inequalities import structure_of
 from manifold_mpc_ros.mpc.stored_design import stored_design

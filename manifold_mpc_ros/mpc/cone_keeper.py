@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike
 
 from manifold_mpc_ros.config.cones import directions, tightened
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc import search
 from manifold_mpc_ros.mpc.local_solver import LocalSolver, Plan
-from manifold_mpc_ros.mpc.scaling import Array, scaling_of
+from manifold_mpc_ros.mpc.scaling import scaling_of
 from manifold_mpc_ros.mpc.ways import Ways
 from manifold_mpc_ros.terminal.cone_cut import cut_level, spread, target_margins_rad
 from manifold_mpc_ros.terminal.design import TerminalDesign

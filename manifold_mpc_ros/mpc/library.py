@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from manifold_mpc_ros.errors import SolverBuildError
-from manifold_mpc_ros.mpc.scaling import Array
+from manifold_mpc_ros.lie.arrays import Array
 
 
 class Solve(ctypes.Structure):

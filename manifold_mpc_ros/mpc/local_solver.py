@@ -18,6 +18,7 @@ import numpy as np
 from manifold_mpc_ros.config.cones import Cone
 from manifold_mpc_ros.config.wheels import WheelArray
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.lanes import aligned, blocks, copied, field_of
 from manifold_mpc_ros.mpc.library import Course, Library, LoopRecord, Solve
 from manifold_mpc_ros.mpc.program import fields as f
@@ -25,7 +26,7 @@ from manifold_mpc_ros.mpc.program import options
 from manifold_mpc_ros.mpc.program.field import Field, Memory
 from manifold_mpc_ros.mpc.program.layout import layout_of
 from manifold_mpc_ros.mpc.program.structure import Structure
-from manifold_mpc_ros.mpc.scaling import TERMINAL_LEVEL, Array, Scaling
+from manifold_mpc_ros.mpc.scaling import TERMINAL_LEVEL, Scaling
 from manifold_mpc_ros.mpc.stages.cone import AIM
 from manifold_mpc_ros.mpc.stages.inequalities import (
     cone_inequalities,

@@ -13,7 +13,8 @@ from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.rate_limits import RateBox
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3
-from manifold_mpc_ros.mpc.scaling import Array, scaling_of
+from manifold_mpc_ros.lie.arrays import Array
+from manifold_mpc_ros.mpc.scaling import scaling_of
 
 #: A matrix farther than this from SO(3) is no rotation.
 ROTATION_DEFECT = 1e-6

@@ -13,13 +13,11 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.manifold import tangent_basis
-
-Array = NDArray[np.float64]
 
 
 class Parameters(NamedTuple):

@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.local_solver import LocalSolver, Plan, Progress, StateReport
-from manifold_mpc_ros.mpc.scaling import Array
 from manifold_mpc_ros.terminal.manifold import tangent_basis
 
 # Barrier parameter of a cold start (dimensionless, against a cost of order 10).

@@ -14,7 +14,7 @@ from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.wheels import WheelArray
 from manifold_mpc_ros.dynamics.wheel_allocation import WheelAllocation
 from manifold_mpc_ros.errors import ConfigurationError
-from manifold_mpc_ros.mpc.scaling import Array
+from manifold_mpc_ros.lie.arrays import Array
 
 
 class SolveStatus(str, Enum):

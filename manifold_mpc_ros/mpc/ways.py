@@ -22,7 +22,7 @@ from scipy.spatial import cKDTree
 from manifold_mpc_ros.config.cones import Cone, joined
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.lie import so3
-from manifold_mpc_ros.mpc.scaling import Array
+from manifold_mpc_ros.lie.arrays import Array
 
 # Attitudes of the grid, about 12 degrees apart, and the nearest others that each is joined to.
 _ATTITUDES, _NEIGHBOURS = 4000, 14

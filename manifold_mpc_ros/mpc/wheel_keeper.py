@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.wheels import WheelArray
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.local_solver import LocalSolver
-from manifold_mpc_ros.mpc.scaling import Array, scaling_of
+from manifold_mpc_ros.mpc.scaling import scaling_of
 from manifold_mpc_ros.terminal.design import TerminalDesign
 
 # What is left of a facet that the momentum at the target is beyond, as a part of its bound.

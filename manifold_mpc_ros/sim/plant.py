@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from manifold_mpc_ros.config.control_law import SimulatorConfig
 from manifold_mpc_ros.dynamics import scalar_form
@@ -25,8 +25,8 @@ from manifold_mpc_ros.dynamics.inertia import existence_guard
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 
-Array: TypeAlias = NDArray[np.float64]
 DisturbanceFrame: TypeAlias = Literal['body', 'inertial']
 
 # A substep uses at most this part of the guard |h Pi + h^2/2 tau| < lambda_min(J): the step

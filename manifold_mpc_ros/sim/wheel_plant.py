@@ -12,7 +12,8 @@ from manifold_mpc_ros.config.simulator import SimulatorConfig
 from manifold_mpc_ros.config.wheel_motors import WheelMotors
 from manifold_mpc_ros.dynamics import scalar_form
 from manifold_mpc_ros.dynamics.wheel_step import wheel_step
-from manifold_mpc_ros.sim.plant import Array, Plant
+from manifold_mpc_ros.lie.arrays import Array
+from manifold_mpc_ros.sim.plant import Plant
 
 
 class WheelPlant(Plant):

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import casadi as ca
 import numpy as np
 
-from manifold_mpc_ros.terminal.manifold import Array
+from manifold_mpc_ros.lie.arrays import Array
 
 # Points a pass of the numpy program takes, so that its registers stay in the processor's cache.
 _CHUNK = 4000

@@ -18,9 +18,9 @@ import numpy as np
 from manifold_mpc_ros.config.cones import Cone, joined
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.errors import DesignError
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.design import TerminalDesign
 from manifold_mpc_ros.terminal.level import SAFETY
-from manifold_mpc_ros.terminal.manifold import Array
 
 # A set cut to less than this part of its level counts as none.
 LEAST_PART = 1e-4

@@ -12,10 +12,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.existence import Existence
 from manifold_mpc_ros.terminal.level import LevelReport, largest_level
 from manifold_mpc_ros.terminal.linearisation import linearise
-from manifold_mpc_ros.terminal.manifold import Array
 from manifold_mpc_ros.terminal.problem import ManifoldProblem
 from manifold_mpc_ros.terminal.riccati import solve_riccati
 

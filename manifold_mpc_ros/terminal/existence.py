@@ -15,8 +15,8 @@ import numpy as np
 from scipy.linalg import eig
 
 from manifold_mpc_ros.errors import DesignError
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.linearisation import Linearisation
-from manifold_mpc_ros.terminal.manifold import Array
 
 # Modes of A with a modulus above 1 less this count as not stable; an eigenvalue of the pencil
 # this near to the unit circle as on it (a double one is found to the root of rounding).

@@ -19,8 +19,8 @@ import numpy as np
 from scipy.optimize import minimize
 
 from manifold_mpc_ros.errors import DesignError
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.batched_evaluation import Batch
-from manifold_mpc_ros.terminal.manifold import Array
 from manifold_mpc_ros.terminal.problem import ManifoldProblem
 
 # Directions searched, radii per direction, best directions refined.

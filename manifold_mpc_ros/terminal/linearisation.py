@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 
 from manifold_mpc_ros.errors import DesignError
-from manifold_mpc_ros.terminal.manifold import Array
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.problem import ManifoldProblem
 
 # The equilibrium is one up to this, in the problem's units and relative to the Hessian of L.

@@ -15,11 +15,10 @@ from typing import Protocol
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.lie.symbolic import direction_log, quaternion_log, quaternion_product
-
-Array = NDArray[np.float64]
 
 # Below this squared length a series replaces a closed form that divides 0 by 0.
 _SMALL = 1e-8

@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 
-from manifold_mpc_ros.terminal.manifold import Array, Manifold
+from manifold_mpc_ros.lie.arrays import Array
+from manifold_mpc_ros.terminal.manifold import Manifold
 
 StepMap = Callable[[ca.SX, ca.SX], ca.SX]
 

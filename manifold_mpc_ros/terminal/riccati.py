@@ -16,9 +16,9 @@ import numpy as np
 from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 
 from manifold_mpc_ros.errors import DesignError
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.existence import Existence, check_existence
 from manifold_mpc_ros.terminal.linearisation import Linearisation
-from manifold_mpc_ros.terminal.manifold import Array
 
 _NEWTON_STEPS = 2
 

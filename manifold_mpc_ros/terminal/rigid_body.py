@@ -21,8 +21,9 @@ from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.rate_limits import RateLimit
 from manifold_mpc_ros.dynamics.inertia import existence_guard
 from manifold_mpc_ros.dynamics.symbolic import cayley_step
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.lie.symbolic import cayley_quaternion, rotation_from_quaternion
-from manifold_mpc_ros.terminal.manifold import Array, Euclidean, Manifold, Product, RotationGroup
+from manifold_mpc_ros.terminal.manifold import Euclidean, Manifold, Product, RotationGroup
 from manifold_mpc_ros.terminal.problem import ManifoldProblem
 
 # Where the turn of a step is not guaranteed up to this part of the guard, it is not computed.

@@ -8,13 +8,11 @@ import functools
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from strategies import generator, unit_vectors
 
 from manifold_mpc_ros.lab.campaign import turning
 from manifold_mpc_ros.lie import so3
-
-Array = NDArray[np.float64]
+from manifold_mpc_ros.lie.arrays import Array
 
 AXES = unit_vectors(generator('turning'), 5)
 

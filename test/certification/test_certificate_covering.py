@@ -9,12 +9,10 @@ from functools import partial
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from manifold_mpc_ros.lab.certification.covering import cover
 from manifold_mpc_ros.lab.certification.enclosure import BoxVerdict
-
-Array = NDArray[np.float64]
+from manifold_mpc_ros.lie.arrays import Array
 
 
 @dataclass

@@ -14,7 +14,6 @@ import pytest
 from flint import arb, arb_mat
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from strategies import INERTIAS
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
@@ -25,10 +24,10 @@ from manifold_mpc_ros.lab.certification.rigid_body_enclosure import (
     RigidBodyEnclosure,
     lowest_eigenvalue,
 )
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.design import TerminalDesign
 from manifold_mpc_ros.terminal.problem_of import problem_of, terminal_design
 
-Array = NDArray[np.float64]
 BODY = np.diag([1.0, 0.9, 0.6])
 CASES: dict[str, dict[str, Any]] = {
     'attitude': {},

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from manifold_mpc_ros.config.cones import Cone
@@ -17,11 +16,10 @@ from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.lab.certification.certification import certify_problem, default_margin
 from manifold_mpc_ros.lab.certification.certify import Proof, bounding_box, prove
 from manifold_mpc_ros.lab.certification.enclosures import configuration_of, describe, loop_maker
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.design import TerminalDesign
 from manifold_mpc_ros.terminal.level import LocalLoop
 from manifold_mpc_ros.terminal.problem_of import problem_of, terminal_design
-
-Array = NDArray[np.float64]
 
 
 def configuration(**changes: Any) -> AttitudeMpcConfig:

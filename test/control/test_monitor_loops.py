@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 import pytest
 from cases import CERTIFIED, random_states, rest_states
-from numpy.typing import NDArray
 from reference import advance
 from strategies import generator
 
@@ -23,9 +22,9 @@ from manifold_mpc_ros.control.decrease_monitor import DecreaseMonitor, monitor_f
 from manifold_mpc_ros.control.decrease_record import Decrease, DecreaseRecord
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 
-Array = NDArray[np.float64]
 Make = Callable[..., AttitudeMpc]
 Move = Callable[[Array, Array, Array, float], tuple[Array, Array]]
 

@@ -9,14 +9,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from manifold_mpc_ros.lab.discontinuity import discontinuity as d
 from manifold_mpc_ros.lab.discontinuity.findings import paper_config
 from manifold_mpc_ros.lab.discontinuity.study import map_jumps, study_axis, study_circle
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
-
-Array = NDArray[np.float64]
 
 # Design page, trap 1: the first torque from 180 degrees for J = I without limits [N m].
 FIRST_TORQUE = 1.1788

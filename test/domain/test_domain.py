@@ -22,8 +22,8 @@ from manifold_mpc_ros.lab.domain import states as domain_states
 from manifold_mpc_ros.lab.domain.domain import NONE, Domain, Round, Settings, smallest_horizons
 from manifold_mpc_ros.lab.domain.feasibility import Feasibility
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
-from manifold_mpc_ros.mpc.scaling import Array
 from manifold_mpc_ros.mpc.solution import SolveStatus
 from manifold_mpc_ros.terminal.design import TerminalDesign
 from manifold_mpc_ros.terminal.problem_of import terminal_design

@@ -10,16 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 from cases import CERTIFIED, LIMITED, configuration, random_states, rest_states
-from numpy.typing import NDArray
 from reference import closed_loop
 
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lab.batch.batch_mpc import BatchMpc
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 
-Array = NDArray[np.float64]
 TICKS = 20
 
 

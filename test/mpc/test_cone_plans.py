@@ -8,16 +8,15 @@ from collections.abc import Callable
 
 import numpy as np
 from cases import configuration
-from numpy.typing import NDArray
 from reference import advance
 from strategies import generator
 
 from manifold_mpc_ros.config.cones import Cone
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.solution import SolveStatus
 
-Array = NDArray[np.float64]
 Make = Callable[..., AttitudeMpc]
 
 SLOW = {'max_torque_n_m': 0.3, 'max_rate_rad_s': 0.3, 'horizon': 30, 'forcing': 'symmetric'}

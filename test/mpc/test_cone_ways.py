@@ -11,7 +11,6 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from cases import configuration
-from numpy.typing import NDArray
 from reference import closed_loop
 from strategies import generator, unit_vectors
 
@@ -19,11 +18,11 @@ from manifold_mpc_ros.config.cones import Cone
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.errors import DesignError
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.solution import SolveStatus
 from manifold_mpc_ros.terminal.problem_of import terminal_design
 
-Array = NDArray[np.float64]
 Make = Callable[..., AttitudeMpc]
 
 SLOW = {'max_torque_n_m': 0.3, 'max_rate_rad_s': 0.3, 'horizon': 40, 'forcing': 'symmetric'}

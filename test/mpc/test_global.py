@@ -13,16 +13,15 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from cases import LIMITED, PROBLEMS, REFERENCE, cold, random_states, rest_states
-from numpy.typing import NDArray
 from oracle_starts import best
 from strategies import generator, half_turns
 
 from manifold_mpc_ros.lab.benchmark.peers.oracle import Oracle, steps_of
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.solution import SolveStatus
 
-Array = NDArray[np.float64]
 Make = Callable[..., AttitudeMpc]
 States = list[tuple[Array, Array]]
 

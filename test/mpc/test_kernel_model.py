@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 import pytest
 from cases import CERTIFIED, LIMITED, LIMITS, REFERENCE, configuration
-from numpy.typing import NDArray
 from strategies import INERTIAS, generator
 
 from manifold_mpc_ros.config.cones import Cone
@@ -27,8 +26,6 @@ from manifold_mpc_ros.mpc.local_solver import LocalSolver
 from manifold_mpc_ros.mpc.program import fields as f
 from manifold_mpc_ros.mpc.reference import Reference
 from manifold_mpc_ros.mpc.stages.inequalities import inequalities_of
-
-Array = NDArray[np.float64]
 
 WHEELS = WheelArray([[1, 1, 1], [-1, 1, 1], [-1, -1, 1], [1, -1, 1], [1, 0, 0]], 0.15, 0.8)
 ODD: dict[str, Any] = {

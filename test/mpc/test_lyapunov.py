@@ -16,15 +16,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cases import CERTIFIED, LIMITS, configuration, random_states, rest_states
-from numpy.typing import NDArray
 from reference import Tick, closed_loop
 from strategies import generator, rates
 
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.solution import SolveStatus
 
-Array = NDArray[np.float64]
 Make = Callable[..., AttitudeMpc]
 Loops = list[list[Tick]]
 

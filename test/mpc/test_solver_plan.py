@@ -10,17 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 from cases import CERTIFIED, LIMITED, LIMITS, REFERENCE, cold, random_states, rest_states
-from numpy.typing import NDArray
 from oracle_starts import best
 from reference import closed_loop, plan_cost, roll_out
 from strategies import INERTIAS, generator, half_turns
 
 from manifold_mpc_ros.lab.benchmark.peers.oracle import Oracle, steps_of
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 
-Array = NDArray[np.float64]
 Make = Callable[..., AttitudeMpc]
 
 KINDS: dict[str, dict[str, Any]] = {

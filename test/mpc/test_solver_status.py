@@ -10,17 +10,16 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from cases import CERTIFIED, LIMITED, LIMITS, cold, random_states, rest_states
-from numpy.typing import NDArray
 from oracle_starts import best
 from reference import advance, chart, closed_loop
 from strategies import generator, half_turns, unit_vectors
 
 from manifold_mpc_ros.lab.benchmark.peers.oracle import Oracle
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 
-Array = NDArray[np.float64]
 Make = Callable[..., AttitudeMpc]
 
 GOOD = so3.exp(np.array([0.3, -0.2, 0.9]))

@@ -10,15 +10,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cases import CERTIFIED, LIMITED, REFERENCE, cold, configuration, random_states, rest_axes
-from numpy.typing import NDArray
 from strategies import generator, half_turns
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution
 
-Array = NDArray[np.float64]
 Make = Callable[..., AttitudeMpc]
 
 KINDS = {'free': REFERENCE, 'limited': LIMITED, 'certified': CERTIFIED}

@@ -7,12 +7,12 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from strategies import INERTIAS, generator, half_turns, unit_vectors
 
 from manifold_mpc_ros.dynamics.lgvi import step_rotation
 from manifold_mpc_ros.dynamics.symbolic import solve_3x3
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.lie.symbolic import (
     cayley_quaternion,
     hat,
@@ -23,7 +23,6 @@ from manifold_mpc_ros.lie.symbolic import (
 )
 from manifold_mpc_ros.mpc.stages import step_derivatives as form
 
-Array = NDArray[np.float64]
 in_inertias = pytest.mark.parametrize('inertia', sorted(INERTIAS))
 
 

@@ -10,16 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 from cases import LIMITS, configuration
-from numpy.typing import NDArray
 from reference import advance, chart, chart_state, stage_cost
 from strategies import INERTIAS
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.errors import DesignError
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.design import TerminalDesign
 from manifold_mpc_ros.terminal.problem_of import terminal_design
-
-Array = NDArray[np.float64]
 
 CASES: dict[str, dict[str, Any]] = {
     'identity': {'inertia_kg_m2': np.eye(3)},

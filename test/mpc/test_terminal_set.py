@@ -16,17 +16,15 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from cases import LIMITS, configuration
-from numpy.typing import NDArray
 from reference import advance, chart, chart_state, stage_cost
 from strategies import INERTIAS, generator, unit_vectors
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.errors import DesignError
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.design import TerminalDesign
 from manifold_mpc_ros.terminal.problem_of import terminal_design
-
-Array = NDArray[np.float64]
 
 SYMMETRIC: dict[str, Any] = {'forcing': 'symmetric'}
 # What cuts the set in each of them.

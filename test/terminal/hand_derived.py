@@ -12,15 +12,14 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 from scipy.optimize import minimize
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics.lgvi import cayley_step, legendre, lgvi_step, step_rotation
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 
-Array = NDArray[np.float64]
 DIRECTIONS, RADII, REFINED, SAFETY, INSIDE, SEED = 4000, 40, 6, 0.99, 0.999, 20180301
 
 

@@ -8,14 +8,12 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 from strategies import generator
 
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.linearisation import Linearisation
 from manifold_mpc_ros.terminal.manifold import Euclidean
 from manifold_mpc_ros.terminal.problem import ManifoldProblem
-
-Array = NDArray[np.float64]
 
 
 def linear_problem(A: Array, B: Array, hessian: Array, **changes: Any) -> ManifoldProblem:

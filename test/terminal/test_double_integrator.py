@@ -9,14 +9,12 @@ from types import SimpleNamespace
 import casadi as ca
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 from strategies import generator
 
 from manifold_mpc_ros.lab.certification.double_integrator import double_integrator_problem
 from manifold_mpc_ros.lab.reference.manifold_mpc import ManifoldMpc, PlanStatus, run_on_manifold
-
-Array = NDArray[np.float64]
+from manifold_mpc_ros.lie.arrays import Array
 
 H, Q, R = 0.5, np.diag([1.0, 0.3]), np.array([[0.5]])
 A, B = np.array([[1.0, H], [0.0, 1.0]]), np.array([[H * H / 2], [H]])

@@ -6,13 +6,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from manifold_mpc_ros.lab.certification.double_integrator import double_integrator_problem
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.design import design_terminal
 
-Array = NDArray[np.float64]
 WEIGHTS = ((1.0, 1.0, 1.0), (1.0, 0.1, 0.2), (4.0, 2.0, 30.0), (0.3, 5.0, 0.01))
 
 

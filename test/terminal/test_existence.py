@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from cases import configuration
 from linear_cases import linear_problem, linearisation, random_cases
-from numpy.typing import NDArray
 
 from manifold_mpc_ros.errors import DesignError
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.design import design_terminal
 from manifold_mpc_ros.terminal.existence import check_existence, symplectic_pencil
 from manifold_mpc_ros.terminal.linearisation import linearise
@@ -23,7 +23,6 @@ from manifold_mpc_ros.terminal.problem_of import attitude_problem, pointing_prob
 from manifold_mpc_ros.terminal.riccati import solve_riccati
 from manifold_mpc_ros.terminal.rigid_body import quadratic, trace_hessian
 
-Array = NDArray[np.float64]
 TURN = np.array([[np.cos(0.7), -np.sin(0.7)], [np.sin(0.7), np.cos(0.7)]])
 
 

@@ -11,7 +11,6 @@ import casadi as ca
 import numpy as np
 import pytest
 from linear_cases import linear_problem
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 from strategies import generator
 
@@ -21,7 +20,6 @@ from manifold_mpc_ros.terminal.design import TerminalDesign, design_terminal
 from manifold_mpc_ros.terminal.level import largest_level
 from manifold_mpc_ros.terminal.manifold import Euclidean, Product, RotationGroup, Sphere
 
-Array = NDArray[np.float64]
 A, B = np.array([[1.0, 0.5], [0.0, 1.0]]), np.array([[0.125], [0.5]])
 
 

@@ -9,10 +9,10 @@ from collections.abc import Callable
 import casadi as ca
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from strategies import OFFSETS_RAD, generator, rotation_vectors, unit_vectors
 
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.manifold import (
     Euclidean,
     Manifold,
@@ -22,7 +22,6 @@ from manifold_mpc_ros.terminal.manifold import (
     tangent_basis,
 )
 
-Array = NDArray[np.float64]
 SCALE = 0.25
 AXIS = np.array([0.48, -0.6, 0.64])
 MANIFOLDS: dict[str, Manifold] = {

@@ -14,15 +14,13 @@ import numpy as np
 import pytest
 from cases import LIMITED, REFERENCE, configuration, random_states
 from manifold_oracle import point_of
-from numpy.typing import NDArray
 from strategies import half_turns
 
 from manifold_mpc_ros.lab.reference.manifold_mpc import ManifoldMpc, PlanStatus, run_on_manifold
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.manifold import Euclidean, Sphere
 from manifold_mpc_ros.terminal.problem import ManifoldProblem
 from manifold_mpc_ros.terminal.problem_of import problem_of
-
-Array = NDArray[np.float64]
 
 AXIS = np.array([0.6, 0.0, 0.8])
 POINTING: dict[str, Any] = {'target': 'pointing', 'pointing_axis_B': AXIS}

@@ -17,7 +17,6 @@ import pytest
 from cases import configuration
 from flint import arb
 from linear_cases import linear_problem, linearisation
-from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from manifold_mpc_ros.dynamics.inertia import nonstandard_inertia
@@ -28,13 +27,12 @@ from manifold_mpc_ros.lab.certification.enclosure import Loop, MeanValueForms, e
 from manifold_mpc_ros.lab.certification.jets import Jet
 from manifold_mpc_ros.lab.reference.riccati_route import riccati_step
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.existence import check_existence
 from manifold_mpc_ros.terminal.level import largest_level
 from manifold_mpc_ros.terminal.linearisation import Linearisation, linearise
 from manifold_mpc_ros.terminal.problem_of import attitude_problem
 from manifold_mpc_ros.terminal.riccati import solve_riccati
-
-Array = NDArray[np.float64]
 
 
 def decrease(linear: Linearisation, scale: float, P: Array, K: Array) -> Array:

@@ -14,17 +14,16 @@ from typing import Any
 import numpy as np
 import pytest
 from cases import LIMITS, configuration
-from numpy.typing import NDArray
 from strategies import INERTIAS, generator
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics.lgvi import legendre, lgvi_step, step_rotation
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.design import TerminalDesign
 from manifold_mpc_ros.terminal.manifold import tangent_basis
 from manifold_mpc_ros.terminal.problem_of import terminal_design
 
-Array = NDArray[np.float64]
 SYMMETRIC: dict[str, Any] = {'forcing': 'symmetric', 'target': 'pointing'}
 # What ends the set in each of them.
 CASES: dict[str, tuple[str, dict[str, Any]]] = {

@@ -10,14 +10,12 @@ import casadi as ca
 import numpy as np
 import pytest
 from linear_cases import linear_problem, linearisation, random_cases
-from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from manifold_mpc_ros.terminal.linearisation import linearise
 from manifold_mpc_ros.terminal.manifold import RotationGroup
 from manifold_mpc_ros.terminal.riccati import solve_riccati
 
-Array = NDArray[np.float64]
 CASES = random_cases(25)
 in_cases = pytest.mark.parametrize('index', range(len(CASES)))
 

@@ -11,13 +11,13 @@ import casadi as ca
 import numpy as np
 import pytest
 from cases import LIMITS, configuration
-from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 from strategies import INERTIAS, generator, unit_vectors
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics.lgvi import legendre, lgvi_step, step_rotation
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.linearisation import linearise
 from manifold_mpc_ros.terminal.manifold import tangent_basis
 from manifold_mpc_ros.terminal.problem import ManifoldProblem
@@ -29,7 +29,6 @@ from manifold_mpc_ros.terminal.problem_of import (
 )
 from manifold_mpc_ros.terminal.riccati import solve_riccati
 
-Array = NDArray[np.float64]
 AXIS = np.array([0.48, -0.6, 0.64])
 POINTING: dict[str, Any] = {'pointing_axis_B': AXIS, 'pointing_weight': 1.7}
 CASES: dict[str, dict[str, Any]] = {

@@ -23,6 +23,7 @@ from manifold_mpc_ros.config.conventions import (
     wxyz,
 )
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 
 
 def read_attitude(convention: AttitudeConvention, values: Sequence[float]) -> Quaternion:
@@ -89,7 +90,7 @@ _READ = {
     'mrp': _read_mrp, 'matrix': _read_matrix}
 
 
-def _vector(values: so3.Array) -> Vector:
+def _vector(values: Array) -> Vector:
     """Return three numbers."""
     x, y, z = values.tolist()
     return (x, y, z)

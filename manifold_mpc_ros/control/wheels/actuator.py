@@ -13,11 +13,12 @@ from __future__ import annotations
 import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.config.wheels import BoolArray, WheelArray
-from manifold_mpc_ros.control.actuator import Actuation, Array
+from manifold_mpc_ros.config.wheels import WheelArray
+from manifold_mpc_ros.control.actuator import Actuation
 from manifold_mpc_ros.dynamics.inertia import existence_guard
 from manifold_mpc_ros.dynamics.wheel_allocation import WheelAllocation
 from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.lie.arrays import Array, BoolArray
 
 #: The time constant of braking with too few wheels, in control steps.
 BRAKING_STEPS = 4.0

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from manifold_mpc_ros.config.wheels import WheelArray
-from manifold_mpc_ros.control.actuator import Array
 from manifold_mpc_ros.control.input_gate import StateSample
+from manifold_mpc_ros.lie.arrays import Array
 
 
 class WheelReports:

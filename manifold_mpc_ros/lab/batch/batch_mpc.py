@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lab.batch.model_loop import LoopingMpc
-from manifold_mpc_ros.mpc.scaling import Array
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 
 # Cases that a thread takes at a time.

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.library import Course, LoopRecord
 from manifold_mpc_ros.mpc.plan_finder import (
@@ -18,7 +19,6 @@ from manifold_mpc_ros.mpc.plan_finder import (
     VALUE_SLACK,
     VIOLATION,
 )
-from manifold_mpc_ros.mpc.scaling import Array
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 
 

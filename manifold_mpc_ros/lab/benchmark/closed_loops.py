@@ -14,10 +14,10 @@ from manifold_mpc_ros.lab.batch.batch_mpc import BatchCourse, BatchMpc
 from manifold_mpc_ros.lab.benchmark.peers.problem import (
     MAX_RATE_RAD_S,
     MAX_TORQUE_N_M,
-    Array,
     comparison_config,
 )
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 
 SEED = 0
 LARGEST_RATE_RAD_S = 0.2

@@ -9,15 +9,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.lab.benchmark.peers import problem
 from manifold_mpc_ros.lab.benchmark.peers.instances import Instance
 from manifold_mpc_ros.lab.benchmark.peers.solver import REFERENCES, Answer, Entry
 from manifold_mpc_ros.lab.benchmark.peers.worker import Worker, fastest
-
-Array = NDArray[np.float64]
+from manifold_mpc_ros.lie.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,8 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.errors import ConfigurationError
@@ -22,8 +20,7 @@ from manifold_mpc_ros.lab.campaign.keys import MODEL
 from manifold_mpc_ros.lab.campaign.plan import CampaignPlan
 from manifold_mpc_ros.lab.campaign.sets import CaseSet, InertiaDraw
 from manifold_mpc_ros.lie import so3
-
-Array: TypeAlias = NDArray[Any]
+from manifold_mpc_ros.lie.arrays import AnyArray as Array
 
 # Streams beside that of the initial state.
 SETPOINT, INERTIA, DISTURBANCE, NOISE = 1, 2, 3, 4

@@ -10,10 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, TypeAlias, cast
+from typing import Any, Protocol, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from manifold_mpc_ros.dynamics.inertia import free_steps_exist
 from manifold_mpc_ros.errors import StepExistenceError
@@ -22,9 +21,8 @@ from manifold_mpc_ros.lab.campaign.keys import MODEL
 from manifold_mpc_ros.lab.campaign.plan import CampaignPlan
 from manifold_mpc_ros.lab.closed_loop import Body, ModelPlant, Solution
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import AnyArray as Array
 from manifold_mpc_ros.sim.plant import Plant
-
-Array: TypeAlias = NDArray[Any]
 
 
 class PlanningSolution(Solution, Protocol):

@@ -5,10 +5,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.rate_limits import rates_beyond
@@ -22,9 +21,8 @@ from manifold_mpc_ros.lab.campaign.sets import Limits
 from manifold_mpc_ros.lab.closed_loop import settling_time
 from manifold_mpc_ros.lab.reference.stage_cost import stage_costs
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import AnyArray as Array
 from manifold_mpc_ros.mpc.target import error_angle
-
-Array: TypeAlias = NDArray[Any]
 
 # The decrease is violated when V(k+1) > V(k) - L(k) by more than RELATIVE of it plus ABSOLUTE.
 RELATIVE, ABSOLUTE = 1e-6, 1e-9

@@ -9,15 +9,11 @@ pair; there the direction in which the plan sets out is compared from tick to ti
 
 from __future__ import annotations
 
-from typing import TypeAlias
-
 import numpy as np
-from numpy.typing import NDArray
 
 from manifold_mpc_ros.lab.reference.stage_cost import direction_B
 from manifold_mpc_ros.lie import so3
-
-Array: TypeAlias = NDArray[np.float64]
+from manifold_mpc_ros.lie.arrays import Array
 
 # A plan has set out when Gamma has moved by this much [rad].
 MOVED_RAD = 1e-6

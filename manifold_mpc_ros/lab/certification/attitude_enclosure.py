@@ -16,12 +16,7 @@ from flint import arb
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics import scalar_form
-from manifold_mpc_ros.lab.certification.enclosure import (
-    Array,
-    Loop,
-    MeanValueForms,
-    is_positive_definite,
-)
+from manifold_mpc_ros.lab.certification.enclosure import Loop, MeanValueForms, is_positive_definite
 from manifold_mpc_ros.lab.certification.even_functions import (
     angle_over_sine,
     half_cosine,
@@ -36,6 +31,7 @@ from manifold_mpc_ros.lab.certification.rigid_body_enclosure import (
     trace_hessian,
     triple,
 )
+from manifold_mpc_ros.lie.arrays import Array
 
 
 class AttitudeEnclosure:

@@ -33,7 +33,6 @@ import numpy as np
 from flint import arb, arb_mat
 
 from manifold_mpc_ros.lab.certification.enclosure import (
-    Array,
     BoxVerdict,
     ClosedLoop,
     Loop,
@@ -46,6 +45,7 @@ from manifold_mpc_ros.lab.certification.enclosure import (
     upper,
 )
 from manifold_mpc_ros.lab.certification.jets import coordinates
+from manifold_mpc_ros.lie.arrays import Array
 
 # Sweeps of coordinate ascent for the point of a box where a tangent plane is tightest.
 _SWEEPS = 12

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from manifold_mpc_ros.errors import ManifoldMpcError
-from manifold_mpc_ros.terminal.manifold import Array
+from manifold_mpc_ros.lie.arrays import Array
 
 FORMAT = 'manifold_mpc_ros terminal set certificate'
 VERSION = 1

@@ -20,12 +20,8 @@ from flint import arb, arb_mat
 
 from manifold_mpc_ros.lab.certification.box_test import BoxTest
 from manifold_mpc_ros.lab.certification.covering import Cover, Progress, cover
-from manifold_mpc_ros.lab.certification.enclosure import (
-    Array,
-    ClosedLoop,
-    exact,
-    is_positive_definite,
-)
+from manifold_mpc_ros.lab.certification.enclosure import ClosedLoop, exact, is_positive_definite
+from manifold_mpc_ros.lie.arrays import Array
 
 LoopMaker = Callable[[], ClosedLoop]
 # Parts of the level that are tried, from below as small sets are cheap, when all of it cannot be

@@ -17,7 +17,8 @@ from typing import Protocol
 
 import numpy as np
 
-from manifold_mpc_ros.lab.certification.enclosure import Array, BoxVerdict
+from manifold_mpc_ros.lab.certification.enclosure import BoxVerdict
+from manifold_mpc_ros.lie.arrays import Array
 
 Box = tuple[Array, Array, int]
 Progress = Callable[[float, int], None]

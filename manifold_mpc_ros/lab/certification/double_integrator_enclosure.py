@@ -9,8 +9,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from flint import arb, arb_mat
 
-from manifold_mpc_ros.lab.certification.enclosure import Array, Loop, MeanValueForms, exact
+from manifold_mpc_ros.lab.certification.enclosure import Loop, MeanValueForms, exact
 from manifold_mpc_ros.lab.certification.jets import Jet
+from manifold_mpc_ros.lie.arrays import Array
 
 
 class DoubleIntegratorEnclosure:

@@ -16,12 +16,10 @@ from typing import Literal, Protocol
 
 import numpy as np
 from flint import arb, arb_mat
-from numpy.typing import NDArray
 
 from manifold_mpc_ros.config.wheels import Zonotope
 from manifold_mpc_ros.lab.certification.jets import Jet
-
-Array = NDArray[np.float64]
+from manifold_mpc_ros.lie.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,8 @@ from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.wheels import WheelArray
 from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.lab.certification.double_integrator import double_integrator_problem
-from manifold_mpc_ros.lab.certification.enclosure import Array, ClosedLoop
+from manifold_mpc_ros.lab.certification.enclosure import ClosedLoop
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.design import TerminalDesign, design_terminal
 from manifold_mpc_ros.terminal.problem_of import terminal_design
 

@@ -17,7 +17,7 @@ from flint import arb, arb_mat
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics import scalar_form
-from manifold_mpc_ros.lab.certification.enclosure import Array, Loop, MeanValueForms
+from manifold_mpc_ros.lab.certification.enclosure import Loop, MeanValueForms
 from manifold_mpc_ros.lab.certification.even_functions import (
     angle_over_sine,
     half_cosine,
@@ -31,6 +31,7 @@ from manifold_mpc_ros.lab.certification.rigid_body_enclosure import (
     cone_radii,
     triple,
 )
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.manifold import tangent_basis
 
 

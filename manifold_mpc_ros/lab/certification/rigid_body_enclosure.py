@@ -25,7 +25,6 @@ from manifold_mpc_ros.config.cones import Cone
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics import scalar_form
 from manifold_mpc_ros.lab.certification.enclosure import (
-    Array,
     MeanValueForms,
     exact,
     is_positive_definite,
@@ -37,6 +36,7 @@ from manifold_mpc_ros.lab.certification.even_functions import (
     half_sine,
 )
 from manifold_mpc_ros.lab.certification.jets import Jet, coordinates, root, squared_norm
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.cone_cut import target_margins_rad
 
 # Times the box C is widened to hold K(C) before the step counts as not enclosed.

@@ -14,13 +14,13 @@ from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.manifold import tangent_basis
 
-Array: TypeAlias = NDArray[np.float64]
 # Maps the parameter of a curve [deg] to a torque (3,) [N m].
 Law: TypeAlias = Callable[[float], Array]
 

@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from manifold_mpc_ros.lab.discontinuity import discontinuity as d
-from manifold_mpc_ros.lab.discontinuity.discontinuity import Array, ColdController, Jump
+from manifold_mpc_ros.lab.discontinuity.discontinuity import ColdController, Jump
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.manifold import tangent_basis
 
 # Samples along the turn (even: 180 degrees itself is none of them) and around a circle.

@@ -26,10 +26,8 @@ from manifold_mpc_ros.lab.domain.feasibility import Feasibility
 from manifold_mpc_ros.lab.domain.states import States
 from manifold_mpc_ros.lab.workers import Workers
 from manifold_mpc_ros.lie import so3
-from manifold_mpc_ros.mpc.scaling import Array
+from manifold_mpc_ros.lie.arrays import Array, IntArray
 from manifold_mpc_ros.terminal.design import TerminalDesign
-
-IntArray: TypeAlias = NDArray[np.int_]
 
 LARGEST_HORIZON = 160
 # The smallest N of a state from which no horizon tried leads into the terminal set.

@@ -18,13 +18,14 @@ from pathlib import Path
 import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc import search
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.backends.build import load_solver
 from manifold_mpc_ros.mpc.plan_finder import VIOLATION
 from manifold_mpc_ros.mpc.program import options
 from manifold_mpc_ros.mpc.program.numbers import numbers_of
-from manifold_mpc_ros.mpc.scaling import Array, scaling_of
+from manifold_mpc_ros.mpc.scaling import scaling_of
 from manifold_mpc_ros.mpc.solution import SolveStatus
 from manifold_mpc_ros.mpc.stages.inequalities import structure_of
 from manifold_mpc_ros.terminal.design import TerminalDesign

@@ -22,7 +22,7 @@ from manifold_mpc_ros.lab.domain.domain import (
     smallest_horizons,
 )
 from manifold_mpc_ros.lab.domain.states import States, half_turns, uniform_states
-from manifold_mpc_ros.mpc.scaling import Array
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.design import TerminalDesign
 from manifold_mpc_ros.terminal.problem_of import terminal_design
 

@@ -13,9 +13,9 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from scipy.ndimage import gaussian_filter
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.lab.domain.domain import NONE, Domain, IntArray
+from manifold_mpc_ros.lab.domain.domain import NONE, Domain
 from manifold_mpc_ros.lab.domain.states import Plane
-from manifold_mpc_ros.mpc.scaling import Array
+from manifold_mpc_ros.lie.arrays import Array, IntArray
 
 # A state without a plan at any horizon tried.
 OUTSIDE_COLOUR = '#BBBBBB'

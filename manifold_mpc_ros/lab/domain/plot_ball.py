@@ -14,9 +14,8 @@ from scipy.interpolate import RegularGridInterpolator
 from scipy.spatial import KDTree
 
 from manifold_mpc_ros.cli.plot_style import AXIS_COLOURS, INK
-from manifold_mpc_ros.lab.domain.domain import IntArray
 from manifold_mpc_ros.lab.domain.picture import Picture, raster
-from manifold_mpc_ros.mpc.scaling import Array
+from manifold_mpc_ros.lie.arrays import Array, IntArray
 
 # The octant towards the viewer, by the signs of x, y and z, and from where it is seen.
 OCTANT = np.array([1.0, -1.0, 1.0])

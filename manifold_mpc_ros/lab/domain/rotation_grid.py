@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull
 
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3
-from manifold_mpc_ros.lie.so3 import Array
+from manifold_mpc_ros.lie.arrays import Array
 
 # Turns per point of the two circles of a quaternion: 1/sqrt(2), and 1/psi with psi^4 = psi + 4
 # (super-Fibonacci spirals; M. Alexa, CVPR 2022).

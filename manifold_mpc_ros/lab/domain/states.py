@@ -18,7 +18,7 @@ from manifold_mpc_ros.dynamics.inertia import largest_guaranteed_rate
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lab.domain import rotation_grid
 from manifold_mpc_ros.lie import so3
-from manifold_mpc_ros.mpc.scaling import Array
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.manifold import tangent_basis
 
 

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from manifold_mpc_ros.lab.reference.ocp import OptimalControlProblem, Trajectory
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.design import design_terminal
-from manifold_mpc_ros.terminal.manifold import Array
 from manifold_mpc_ros.terminal.problem import ManifoldProblem
 
 # A start whose roll-out leaves the domain of f is tried again with its controls scaled by these.

@@ -25,7 +25,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from manifold_mpc_ros.terminal.manifold import Array
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.problem import ManifoldProblem
 
 # The step is kept where this much of the room in its existence condition is left.

@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike
 from scipy.linalg import schur
 
 from manifold_mpc_ros.dynamics.inertia import nonstandard_inertia, principal_moments
-from manifold_mpc_ros.dynamics.lgvi import Array, cayley_step
+from manifold_mpc_ros.dynamics.lgvi import cayley_step
 from manifold_mpc_ros.errors import StepExistenceError
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.lie.so3 import hat
 
 # The route divides by J_d: its smallest eigenvalue must be above this part of the trace.

@@ -7,16 +7,12 @@ For judging a controller: what it says about its own value is compared with thes
 
 from __future__ import annotations
 
-from typing import TypeAlias
-
 import numpy as np
-from numpy.typing import NDArray
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics.lgvi import step_rotation
 from manifold_mpc_ros.lie import so3
-
-Array: TypeAlias = NDArray[np.float64]
+from manifold_mpc_ros.lie.arrays import Array
 
 
 def stage_costs(config: AttitudeMpcConfig, R_NB: Array, omega_BN_B: Array, tau_B: Array) -> Array:

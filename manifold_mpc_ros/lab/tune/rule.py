@@ -9,13 +9,11 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.parameter import Value
 from manifold_mpc_ros.errors import ConfigurationError
-
-Array = NDArray[np.float64]
 
 # Steps of a half turn, and of the horizon beyond the time that a half turn takes.
 STEPS, HORIZON_PART = 60, 1.25

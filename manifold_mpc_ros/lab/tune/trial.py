@@ -8,15 +8,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from manifold_mpc_ros.lab.batch.model_loop import LoopingMpc
 from manifold_mpc_ros.lab.tune import rule
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.solution import SolveStatus
 from manifold_mpc_ros.mpc.target import error_angle
-
-Array = NDArray[np.float64]
 
 # A loop runs for so many times the bang-bang time, and so many steps more.
 TIMES, MORE_STEPS = 2.0, 10

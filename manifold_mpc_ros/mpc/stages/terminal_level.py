@@ -7,7 +7,8 @@ from __future__ import annotations
 import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.mpc.scaling import Array, Scaling
+from manifold_mpc_ros.lie.arrays import Array
+from manifold_mpc_ros.mpc.scaling import Scaling
 from manifold_mpc_ros.mpc.stages.inequality import Inequality
 
 

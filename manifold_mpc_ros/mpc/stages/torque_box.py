@@ -8,8 +8,9 @@ import casadi as ca
 import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.program.phase import Read
-from manifold_mpc_ros.mpc.scaling import Array, Scaling
+from manifold_mpc_ros.mpc.scaling import Scaling
 from manifold_mpc_ros.mpc.stages import barrier
 from manifold_mpc_ros.mpc.stages.inequality import TorqueInequality, dimensionless_limits
 

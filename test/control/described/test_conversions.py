@@ -20,6 +20,7 @@ from manifold_mpc_ros.config import conventions as to
 from manifold_mpc_ros.control.described import conversions
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 
 ROUNDING = 1e-15
 #: Attitudes of every stratum, near 0 and near 180 degrees among them.
@@ -35,7 +36,7 @@ AXES = {kind: [to.axes_of('axes', value, named) for value in (
 class Case:
     """A state, or what a stack says of one, and conventions; from one number, which is quick."""
 
-    q_wxyz: so3.Array
+    q_wxyz: Array
     omega: to.Vector
     attitude: to.AttitudeConvention
     rate: to.RateConvention
@@ -66,7 +67,7 @@ def inverse(convention: to.AttitudeConvention) -> to.AttitudeConvention:
     return to.AttitudeConvention(world=turned(convention.world), body=turned(convention.body))
 
 
-def said_as(convention: to.AttitudeConvention, q_WM_wxyz: so3.Array) -> tuple[float, ...]:
+def said_as(convention: to.AttitudeConvention, q_WM_wxyz: Array) -> tuple[float, ...]:
     """Return the components by which a stack says an attitude of its own."""
     w, x, y, z = q_WM_wxyz.tolist()
     if convention.direction == 'world_to_body':

@@ -18,13 +18,11 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.lab.benchmark.peers import problem
 from manifold_mpc_ros.lab.benchmark.peers.solver import Answer
-
-Array = NDArray[np.float64]
+from manifold_mpc_ros.lie.arrays import Array
 
 TOLERANCE = 1e-6
 _STAGE = problem.STATE + problem.TORQUE

@@ -11,12 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.lie import so3
-
-Array = NDArray[np.float64]
+from manifold_mpc_ros.lie.arrays import Array
 
 SEED = 0
 #: So many are drawn, whatever the number asked for: a short run has the first ones of a long one.

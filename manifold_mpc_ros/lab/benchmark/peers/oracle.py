@@ -21,13 +21,11 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics import lgvi
 from manifold_mpc_ros.lie import so3
-
-Array = NDArray[np.float64]
+from manifold_mpc_ros.lie.arrays import Array
 
 # Largest |c|^2 of a step: 1 is 90 degrees, the end of the principal branch.
 LARGEST_STEP = 0.999

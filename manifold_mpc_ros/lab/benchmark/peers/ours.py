@@ -7,16 +7,14 @@ from __future__ import annotations
 import time
 
 import numpy as np
-from numpy.typing import NDArray
 
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.lab.benchmark.peers.problem import comparison_config
 from manifold_mpc_ros.lab.benchmark.peers.solver import Answer
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
-
-Array = NDArray[np.float64]
 
 
 class Ours:

@@ -18,15 +18,13 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.lab.reference.stage_cost import stage_costs
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.problem_of import terminal_design
-
-Array = NDArray[np.float64]
 
 INERTIA_KG_M2 = np.diag([1.0, 0.9, 0.6])
 STEP_S = 0.5

@@ -5,14 +5,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.lab.benchmark.peers import problem
 from manifold_mpc_ros.lab.benchmark.peers.oracle import Oracle, steps_of
 from manifold_mpc_ros.lie import so3
-
-Array = NDArray[np.float64]
+from manifold_mpc_ros.lie.arrays import Array
 
 #: Beyond any value of the terminal form: there is no terminal set here.
 _NO_LEVEL = 1e12

@@ -9,10 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
+from manifold_mpc_ros.lie.arrays import Array
 
 #: Formulations; costs are only compared within one.
 ON_THE_GROUP, IN_QUATERNIONS = 'LGVI on SO(3)', 'quaternion, RK4'

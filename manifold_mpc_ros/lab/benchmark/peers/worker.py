@@ -17,14 +17,10 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.lab.benchmark.peers.memory import peak_memory_bytes
 from manifold_mpc_ros.lab.benchmark.peers.solver import Answer, Entry, Solver
-
-Array = NDArray[np.float64]
+from manifold_mpc_ros.lie.arrays import Array
 
 #: A solve that takes longer is not repeated [s].
 SLOW_S = 0.03

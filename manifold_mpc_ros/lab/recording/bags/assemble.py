@@ -21,13 +21,13 @@ from manifold_mpc_ros.lab.recording.bags.decode import Stamped, StateValue
 from manifold_mpc_ros.lab.recording.bags.series import (
     NANOSECONDS,
     CommandSeries,
-    IntArray,
     PredictionSeries,
     SetpointSeries,
     StateSeries,
     TickSeries,
 )
 from manifold_mpc_ros.lab.recording.scenarios.scenario import Scenario
+from manifold_mpc_ros.lie.arrays import IntArray
 from manifold_mpc_ros.mpc.target import attitude_towards
 
 Decoded = TypeVar('Decoded')
