@@ -9,7 +9,7 @@ import numpy as np
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.control.input_gate import StateSample
 from manifold_mpc_ros.control.target import Target
-from manifold_mpc_ros.mpc.target import error_angle
+from manifold_mpc_ros.lie import so3
 
 #: A mean error that falls by less than this part in a horizon stays.
 LEAST_FALL = 0.05
@@ -25,7 +25,8 @@ class SteadyError:
 
     def __init__(self, config: AttitudeMpcConfig, largest_rad: float) -> None:
         """Start with no tick."""
-        self._config, self._largest_rad = config, largest_rad
+        self._axis_B = config.pointing_axis_B if config.target == 'pointing' else None
+        self._horizon, self._largest_rad = config.horizon, largest_rad
         self.attitude_rad = self.rate_rad_s = float('nan')
         self.forget()
 
@@ -38,13 +39,13 @@ class SteadyError:
         """Take the state of a tick; ``reduced``: its torque is to reduce the error."""
         if sample is None or target is None:
             return
-        config, (R_ND, omega_DN_D) = self._config, target.at(sample.stamp_ns)
+        R_ND, omega_DN_D = target.at(sample.stamp_ns)
         omega_BN_B = sample.omega_BN_B - sample.R_NB.T @ R_ND @ omega_DN_D
-        if config.target == 'pointing':  # roll is free
-            omega_BN_B = np.cross(config.pointing_axis_B, omega_BN_B)
-        self.attitude_rad = float(error_angle(config, R_ND.T @ sample.R_NB))
+        if self._axis_B is not None:  # roll is free
+            omega_BN_B = np.cross(self._axis_B, omega_BN_B)
+        self.attitude_rad = float(so3.angle(R_ND.T @ sample.R_NB, self._axis_B))
         self.rate_rad_s = float(np.linalg.norm(omega_BN_B))
-        self._errors = [*self._errors[1 - 2 * config.horizon:], self.attitude_rad]
+        self._errors = [*self._errors[1 - 2 * self._horizon:], self.attitude_rad]
         if reduced:
             self.stays_rad = self._staying_rad()
         else:
@@ -53,7 +54,7 @@ class SteadyError:
     def _staying_rad(self) -> float | None:
         """Compare the last horizon with the one before it."""
         errors = self._errors
-        if len(errors) < 2 * self._config.horizon or min(errors) <= self._largest_rad:
+        if len(errors) < 2 * self._horizon or min(errors) <= self._largest_rad:
             return None
         earlier, later = np.reshape(errors, (2, -1)).mean(axis=1)
         return float(later) if abs(later - earlier) <= LEAST_FALL * earlier else None

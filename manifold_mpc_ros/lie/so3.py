@@ -83,8 +83,15 @@ def log(R: ArrayLike) -> Array:
     return ratio[..., None] * v
 
 
-def angle(R: ArrayLike) -> Array:
-    """Map R (..., 3, 3) to its rotation angle in [0, pi] [rad], accurate at both ends."""
+def angle(R: ArrayLike, axis_B: Array | None = None) -> Array:
+    """Map R (..., 3, 3) to its rotation angle in [0, pi] [rad], accurate at both ends.
+
+    With a unit axis b (3,) to the angle between b and ``R^T b``: the roll about b is free.
+    """
+    if axis_B is not None:
+        turned = np.einsum('...ji,j->...i', np.asarray(R, dtype=np.float64), axis_B)
+        return np.asarray(np.arctan2(
+            np.linalg.norm(np.cross(turned, axis_B), axis=-1), turned @ axis_B))
     q = quaternion_from_rotation(R)
     return 2.0 * np.arctan2(np.linalg.norm(q[..., 1:], axis=-1), q[..., 0])
 

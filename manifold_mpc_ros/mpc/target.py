@@ -19,12 +19,7 @@ def error_angle(config: AttitudeMpcConfig, R_DB: ArrayLike) -> Array:
     The rotation angle, or for pointing the angle between the axis b and where it should point,
     ``Gamma = R_DB^T b``.
     """
-    rotation = np.asarray(R_DB, dtype=float)
-    if config.target == 'attitude':
-        return np.asarray(so3.angle(rotation))
-    axis = config.pointing_axis_B
-    gamma = np.einsum('...ji,j->...i', rotation, axis)
-    return np.arctan2(np.linalg.norm(np.cross(gamma, axis), axis=-1), gamma @ axis)
+    return so3.angle(R_DB, config.pointing_axis_B if config.target == 'pointing' else None)
 
 
 def attitude_towards(config: AttitudeMpcConfig, direction_N: ArrayLike) -> Array:
