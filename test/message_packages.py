@@ -39,6 +39,8 @@ def missing() -> str:
 def build(folder: Path, package: str, messages: Mapping[str, str], *used: str) -> None:
     """Build a package whose messages have these fields into a folder for ``PYTHONPATH``.
 
+    The folder is a prefix for ``AMENT_PREFIX_PATH`` too: share/ has the definitions.
+
     Arguments
     ---------
     messages
@@ -56,6 +58,7 @@ def build(folder: Path, package: str, messages: Mapping[str, str], *used: str) -
     subprocess.run([sys.executable, __file__, given], check=True, stdout=subprocess.DEVNULL)
     _compile(source, folder / package, used)
     (folder / package / '__init__.py').touch()
+    shutil.copytree(source / 'msg', folder / 'share' / package / 'msg')
 
 
 def _share(package: str) -> Path:

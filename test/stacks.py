@@ -52,7 +52,8 @@ def built(cache: Path) -> Iterator[Path]:
 
     They can be imported meanwhile, and not afterwards: other tests want them not installed.
     """
-    key = hashlib.sha256(json.dumps([PACKAGES, sys.version]).encode()).hexdigest()[:16]
+    builder = Path(message_packages.__file__).read_text(encoding='utf-8')
+    key = hashlib.sha256(json.dumps([PACKAGES, sys.version, builder]).encode()).hexdigest()[:16]
     folder = cache / key
     if not folder.exists():
         unfinished = cache / f'{key}.unfinished'

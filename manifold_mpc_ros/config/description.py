@@ -23,21 +23,24 @@ from manifold_mpc_ros.errors import ConfigurationError
 
 #: Attributes and indices that lead to a field of a message.
 Steps = tuple[str | int, ...]
-_PART = r'[A-Za-z]\w*(\[\d+\])*'
-_PATH = re.compile(rf'{_PART}(\.{_PART})*', re.ASCII)
+_FIELD = r'[A-Za-z]\w*(\[\d+\])*'
+_PATH = re.compile(rf'{_FIELD}(\.{_FIELD})*', re.ASCII)
 
 PRESETS = Path(__file__).with_name('presets')
 #: The shipped choice, and what it was called before it had a file.
 PLAIN = 'nav'
 EARLIER_NAMES = {'odometry': PLAIN}
+#: States that the simulator publishes unless it is told otherwise.
+SHIPPED_STATES = (PLAIN, 'imu')
 RECEIPT = 'receipt'
 #: Units of a stamp that is a number [ns]; 0 is a time.
 STAMP_UNITS_NS = {'time': 0, 's': 10**9, 'ms': 10**6, 'us': 10**3, 'ns': 1}
 
-_TOPIC = ('topic', 'type', 'field', 'stamp', 'stamp_unit', 'body_axes', 'body_frame_id')
-_ATTITUDE = (*_TOPIC, 'world_axes', 'absent', 'form', 'direction', 'inertial_frame_id')
-_RATE = (*_TOPIC, 'world_axes', 'absent', 'axes', 'unit')
-_COMMAND = (*_TOPIC, 'quantity', 'unit', 'sent', 'set', 'period_s')
+_TOPIC = ('topic', 'type', 'field', 'stamp', 'stamp_unit', 'body_axes', 'body_frame_id', 'set')
+_PART = (*_TOPIC, 'world_axes', 'absent', 'covariance')
+_ATTITUDE = (*_PART, 'form', 'direction', 'inertial_frame_id')
+_RATE = (*_PART, 'axes', 'unit')
+_COMMAND = (*_TOPIC, 'quantity', 'unit', 'sent', 'period_s')
 #: What a rate has from the attitude before it unless it says otherwise.
 _SHARED = ('topic', 'type', 'stamp', 'stamp_unit', 'body_axes', 'world_axes')
 
@@ -48,6 +51,7 @@ class Part:
 
     ``stamp`` is the path of a time, or of a number of ``stamp_unit_ns``; without a path it is
     that of the receipt. ``absent`` is a field that is -1 where the quantity is not there.
+    ``covariance`` and ``constants`` are only written.
     """
 
     topic: str
@@ -58,8 +62,10 @@ class Part:
     stamp: Steps
     stamp_unit_ns: int
     absent: Steps
+    covariance: Steps
     inertial_frame_id: Steps
     body_frame_id: Steps
+    constants: Mapping[Steps, bool | int | float | str]
 
 
 @dataclass(frozen=True)
@@ -100,13 +106,18 @@ def preset_names() -> list[str]:
     return sorted(path.stem for path in PRESETS.glob('*.yaml'))
 
 
+def is_shipped_state(given: str) -> bool:
+    """Say whether states come as the simulator publishes them unless it is told otherwise."""
+    return EARLIER_NAMES.get(given, given) in SHIPPED_STATES
+
+
 @functools.lru_cache(64)
-def state_description(given: str) -> StateDescription:
+def state_description(given: str, parameter: str = 'state_source') -> StateDescription:
     """Return how states come, by the name of a shipped description or the path of a YAML file.
 
     Raises ConfigurationError for what does not describe any.
     """
-    state = _document('state_source', given, 'state').below(
+    state = _document(parameter, given, 'state').below(
         'state', ('attitude', 'rate', 'join_within_s'))
     whole = state.below('attitude', _ATTITUDE)
     attitude = whole.attitude()
@@ -128,9 +139,11 @@ def setpoint_description(given: str) -> Part:
 
 
 @functools.lru_cache(64)
-def command_description(given: str) -> tuple[CommandMessage, ...]:
+def command_description(
+    given: str, parameter: str = 'command_sink',
+) -> tuple[CommandMessage, ...]:
     """Return the messages of a command; as `state_description`."""
-    document = _document('command_sink', given, 'command')
+    document = _document(parameter, given, 'command')
     listed = document.values['command']
     if not isinstance(listed, list) or not any(
             isinstance(each, Mapping) and 'field' in each for each in listed):
@@ -227,18 +240,13 @@ class _Section:
     def command(self) -> CommandMessage:
         """Return the description of one message of a command."""
         device = self.choice('quantity', ['body_torque', 'device']) == 'device'
-        constants, period_s = self.values.get('set', {}), self.number('period_s')
-        if not isinstance(constants, Mapping) or not all(
-                isinstance(value, (bool, int, float, str)) for value in constants.values()):
-            raise self.error('set', constants, 'a number, text, true or false for each path')
+        period_s = self.number('period_s')
         if period_s and 'field' in self.values:
             raise self.error('period_s', period_s, 'left out where there is a field')
         return CommandMessage(
             **self._topic(), fields=self._fields(0 if device else 3), device=device,
             normalised=self.choice('unit', ['N m', 'normalised']) == 'normalised',
-            body=self.axes('body_axes', to.BODY_AXES), sent=self.steps('sent'),
-            constants={steps_of(f'{self.where}.set', path): value
-                       for path, value in constants.items()}, period_s=period_s)
+            body=self.axes('body_axes', to.BODY_AXES), sent=self.steps('sent'), period_s=period_s)
 
     def _part(self, convention: to.AttitudeConvention | to.RateConvention) -> Part:
         """Return what every part of a state has."""
@@ -247,7 +255,8 @@ class _Section:
             raise self.error(key, None, f'a path, or {RECEIPT!r} for a stamp')
         return Part(
             **self._topic(), fields=self._fields(len(convention.names)), convention=convention,
-            absent=self.steps('absent'), inertial_frame_id=self.steps('inertial_frame_id'))
+            absent=self.steps('absent'), covariance=self.steps('covariance'),
+            inertial_frame_id=self.steps('inertial_frame_id'))
 
     def _topic(self) -> dict[str, Any]:
         """Return what every message has."""
@@ -257,10 +266,16 @@ class _Section:
             raise self.error('topic', topic, 'the name of a topic')
         if not isinstance(kind, str) or not re.fullmatch(r'\w+/msg/\w+', kind, re.ASCII):
             raise self.error('type', kind, 'a message type package/msg/Name')
+        constants = self.values.get('set', {})
+        if not isinstance(constants, Mapping) or not all(
+                isinstance(value, (bool, int, float, str)) for value in constants.values()):
+            raise self.error('set', constants, 'a number, text, true or false for each path')
         return {'topic': topic, 'message_type': kind, 'stamp': self.steps('stamp'),
                 'install': self.install.get(kind.partition('/')[0], ''),
                 'stamp_unit_ns': STAMP_UNITS_NS[self.choice('stamp_unit', [*STAMP_UNITS_NS])],
-                'body_frame_id': self.steps('body_frame_id')}
+                'body_frame_id': self.steps('body_frame_id'),
+                'constants': {steps_of(f'{self.where}.set', path): value
+                              for path, value in constants.items()}}
 
     def _fields(self, count: int) -> tuple[Steps, ...]:
         """Return the path of a quantity, or those of its ``count`` numbers (0: any number)."""

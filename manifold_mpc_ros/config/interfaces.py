@@ -15,6 +15,7 @@ from typing import Any
 
 from manifold_mpc_ros.config.description import (
     PLAIN,
+    SHIPPED_STATES,
     command_description,
     setpoint_description,
     state_description,
@@ -76,7 +77,7 @@ def state_topics(*given: str) -> Interfaces:
     return tuple(dict.fromkeys(
         (part.topic, part.message_type, 'attitude and body rate' if name == PLAIN
          else f'with state_source {name}')
-        for name in given or (PLAIN, 'imu')
+        for name in given or SHIPPED_STATES
         for part in (state_description(name).attitude, state_description(name).rate)))
 
 

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,14 @@ import numpy as np
 
 from manifold_mpc_ros.config import checks as checks
 from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.config.description import (
+    PLAIN,
+    SHIPPED_STATES,
+    CommandMessage,
+    Part,
+    command_description,
+    state_description,
+)
 from manifold_mpc_ros.config.orbit import CircularOrbit
 from manifold_mpc_ros.config.parameter import (
     Value,
@@ -69,6 +77,9 @@ class SimulatorConfig:
     autostart: bool = True
     wheel_motors: WheelMotors | None = None
     orbit: CircularOrbit | None = None
+    state_sinks: Sequence[str] = SHIPPED_STATES
+    command_source: str = PLAIN
+    full_scale_torque_n_m: Sequence[float] = (np.inf,)
 
     def __post_init__(self) -> None:
         """Check every field, then what the fields together have to satisfy."""
@@ -90,6 +101,7 @@ class SimulatorConfig:
         for name in ('publish_clock', 'lockstep', 'autostart'):
             self._store(name, checks.boolean(name, getattr(self, name)))
         self._check_timing()
+        self._check_messages()
 
     @classmethod
     def from_yaml(cls, path: str | Path) -> SimulatorConfig:
@@ -132,6 +144,22 @@ class SimulatorConfig:
     def _store(self, name: str, value: object) -> None:
         """Set a field of the frozen instance while it is being built."""
         object.__setattr__(self, name, value)
+
+    def _check_messages(self) -> None:
+        """Refuse descriptions that have none, share a topic, or in lockstep have no stamps."""
+        states = [state_description(each, 'state_sinks') for each in self.state_sinks]
+        topics = [topic for each in states for topic in {each.attitude.topic, each.rate.topic}]
+        if len(set(topics)) < len(topics):
+            raise ConfigurationError(
+                'state_sinks', self.state_sinks, 'descriptions of different topics')
+        stamped: list[Part | CommandMessage] = [each.attitude for each in states]
+        stamped += [each for each in command_description(self.command_source, 'command_source')
+                    if each.fields and not each.device]
+        for each in stamped:
+            if self.lockstep and (not each.stamp or each.stamp_unit_ns):
+                raise ConfigurationError(
+                    'lockstep', True, f'false with {each.message_type} of {each.topic}, which has '
+                    'no stamp by ROS time')
 
     def _check_timing(self) -> None:
         """Refuse periods that plant steps do not fill, and a time that nobody could follow."""

@@ -40,6 +40,14 @@ _FULL_SCALE = ParameterSpec(
     'full_scale_torque_n_m', 'floats', [math.inf],
     'torque that is 1 in the messages of a normalised command, about each body axis of the stack',
     unit='N m', lengths=(1, 3), infinite=True, read_only=True)
+_STATE_SINKS = ParameterSpec(
+    'state_sinks', 'strs', ['nav', 'imu'],
+    'messages of attitude and body rate, each as somebody reads it: descriptions as of '
+    'state_source of the controller', read_only=True)
+_COMMAND_SOURCE = ParameterSpec(
+    'command_source', 'str', 'nav',
+    'messages of commands: the description that the controller has as command_sink',
+    read_only=True)
 _ACTUATOR = ParameterSpec(
     'actuators.kind', 'str', 'torque', 'what turns the body', choices=tuple(ACTUATORS),
     read_only=True, name_in_config='actuator')
@@ -258,6 +266,9 @@ SIMULATOR_PARAMETERS: tuple[ParameterSpec, ...] = (
         'lockstep_timeout_s', 'float', 10.0,
         'wall clock after which time advances with zero torque, once a first answer has come',
         unit='s', low=0.1, high=3600.0, read_only=True),
+    _STATE_SINKS,
+    _COMMAND_SOURCE,
+    _FULL_SCALE,
     _INERTIAL_FRAME,
     _BODY_FRAME,
     _SECURE,

@@ -15,7 +15,7 @@ from manifold_mpc_ros.config.description import command_description, setpoint_de
 from manifold_mpc_ros.config.interfaces import message_class, named_by
 from manifold_mpc_ros.control.described.command import CommandWriter
 from manifold_mpc_ros.control.described.conversions import read_attitude
-from manifold_mpc_ros.control.described.fields import WRONG_FIELD, value_at
+from manifold_mpc_ros.control.described.fields import WRONG_FIELD, stamp_at, value_at
 from manifold_mpc_ros.control.described.source import check_part, read_part
 from manifold_mpc_ros.control.input_gate import Reason, Refusal, admit_setpoint, admit_torque
 from manifold_mpc_ros.errors import ConfigurationError
@@ -45,15 +45,19 @@ class DescribedSetpoint:
 class DescribedTorque:
     """Body torques of a description, the name of a shipped one or a YAML file."""
 
-    def __init__(self, given: str, body_frame_id: str, full_scale_n_m: Sequence[float]) -> None:
+    def __init__(
+        self, given: str, body_frame_id: str, full_scale_n_m: Sequence[float],
+        parameter: str = 'command_sink',
+    ) -> None:
         """Find the type of the messages, `kind`."""
-        torques = [each for each in command_description(given) if each.fields and not each.device]
+        torques = [each for each in command_description(given, parameter)
+                   if each.fields and not each.device]
         if not torques:
-            raise ConfigurationError('command_sink', given, 'a description with a body torque')
+            raise ConfigurationError(parameter, given, 'a description with a body torque')
         self._writer, self._body_frame_id = CommandWriter(
             torques[0], body_frame_id, full_scale_n_m), body_frame_id
         self.topic = torques[0].topic
-        with named_by('command_sink', given):
+        with named_by(parameter, given):
             self.kind = message_class(torques[0].message_type, torques[0].install)
             self._writer.check(self.kind())
 
@@ -66,3 +70,8 @@ class DescribedTorque:
             return Refusal(Reason.UNREADABLE, str(error))
         return admit_torque(
             str(value_at(message, frame)) if frame else None, torque, self._body_frame_id)
+
+    def stamp_ns(self, message: Any) -> int | None:
+        """Return the stamp of the state that a message answers [ns], None where it has none."""
+        described = self._writer.described
+        return stamp_at(message, described.stamp, described.stamp_unit_ns)

@@ -5,29 +5,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point, PoseStamped, Quaternion, Vector3, WrenchStamped
-from nav_msgs.msg import Odometry, Path
-from sensor_msgs.msg import Imu
+from nav_msgs.msg import Path
 
 from manifold_mpc_ros.config.checks import FloatArray
-from manifold_mpc_ros.control.described.source import NOT_PROVIDED
-from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample
+from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.lie import so3
-
-
-@dataclass(frozen=True)
-class StateFormat:
-    """What a state message carries beside the state: frames and variances."""
-
-    inertial_frame_id: str
-    body_frame_id: str
-    attitude_variance_rad2: float
-    rate_variance_rad2_s2: float
 
 
 def nanoseconds(stamp: Time) -> int:
@@ -50,31 +37,6 @@ def to_quaternion(R: FloatArray) -> Quaternion:
     """Return a rotation matrix as a quaternion message, w >= 0."""
     w, x, y, z = map(float, so3.quaternion_from_rotation(R))
     return Quaternion(x=x, y=y, z=z, w=w)
-
-
-def to_odometry(sample: StateSample, form: StateFormat) -> Odometry:
-    """Return a state as odometry of a body that turns in place."""
-    message = Odometry(child_frame_id=form.body_frame_id)
-    message.header.frame_id = form.inertial_frame_id
-    message.header.stamp = to_stamp(sample.stamp_ns)
-    message.pose.pose.orientation = to_quaternion(sample.R_NB)
-    message.twist.twist.angular = to_vector(sample.omega_BN_B)
-    message.pose.covariance = _lower_diagonal(form.attitude_variance_rad2)
-    message.twist.covariance = _lower_diagonal(form.rate_variance_rad2_s2)
-    return message
-
-
-def to_imu(sample: StateSample, form: StateFormat) -> Imu:
-    """Return a state as an IMU with orientation and without accelerometers."""
-    message = Imu()
-    message.header.frame_id = form.body_frame_id
-    message.header.stamp = to_stamp(sample.stamp_ns)
-    message.orientation = to_quaternion(sample.R_NB)
-    message.angular_velocity = to_vector(sample.omega_BN_B)
-    message.orientation_covariance = (np.eye(3) * form.attitude_variance_rad2).ravel()
-    message.angular_velocity_covariance = (np.eye(3) * form.rate_variance_rad2_s2).ravel()
-    message.linear_acceleration_covariance[0] = NOT_PROVIDED
-    return message
 
 
 def to_torque(stamp_ns: int, torque_B: FloatArray, body_frame_id: str) -> WrenchStamped:
@@ -141,8 +103,3 @@ def to_diagnostics(
 def _text(value: object) -> str:
     """Return a diagnostic value as text; numbers short enough to read."""
     return f'{value:.6g}' if isinstance(value, float) else str(value)
-
-
-def _lower_diagonal(variance: float) -> FloatArray:
-    """Return a 6x6 covariance, flat, with one variance about the three axes of rotation."""
-    return np.diag([0.0, 0.0, 0.0, variance, variance, variance]).ravel()

@@ -25,14 +25,14 @@ from manifold_mpc_ros.nodes.publisher_watch import PublisherWatch
 OnState = Callable[[RawState | Refusal, Mapping[str, Any]], None]
 
 
-def state_kinds(given: str) -> dict[str, type]:
+def state_kinds(given: str, parameter: str = 'state_source') -> dict[str, type]:
     """Return the types of the messages of a description by topic.
 
     Raises ConfigurationError for a message type that is not installed or a field that it lacks.
     """
-    described, kinds = state_description(given), {}
+    described, kinds = state_description(given, parameter), {}
     for part in (described.attitude, described.rate):
-        with named_by('state_source', given):
+        with named_by(parameter, given):
             kinds[part.topic] = message_class(part.message_type, part.install)
             check_part(part, kinds[part.topic]())
     return kinds

@@ -18,6 +18,7 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Quaternion, Vector3
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Imu
+from state_messages import state_message
 
 from manifold_mpc_ros.config.description import state_description
 from manifold_mpc_ros.control.described.source import DescribedSource
@@ -25,7 +26,6 @@ from manifold_mpc_ros.control.input_gate import RawState, Refusal, StateGate, St
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.nodes import messages
 
-FORM = messages.StateFormat('inertial', 'base_link', 1e-6, 1e-8)
 stamps_ns = st.integers(1, 2**31 * 10**9 - 1)
 times = st.builds(Time, sec=st.integers(-2**31, 2**31 - 1), nanosec=st.integers(0, 2**32 - 1))
 
@@ -47,8 +47,8 @@ def test_a_state_survives_its_message(
     stamp_ns: int, R_NB: np.ndarray, omega: tuple, by_imu: bool,
 ) -> None:
     sample = StateSample(stamp_ns, R_NB, np.array(omega))
-    raw = (read('imu', messages.to_imu(sample, FORM)) if by_imu
-           else read('odometry', messages.to_odometry(sample, FORM)))
+    kind = 'imu' if by_imu else 'odometry'
+    raw = read(kind, state_message(kind, sample))
     again = gate().admit(raw, stamp_ns)
     assert not isinstance(again, Refusal)
     assert again.stamp_ns == stamp_ns

@@ -10,13 +10,14 @@ import pytest
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 
 
+from state_messages import state_message
+
 from manifold_mpc_ros.config.description import state_description
 from manifold_mpc_ros.control.described.source import DescribedSource
 from manifold_mpc_ros.control.input_gate import StateGate, StateSample
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.nodes import messages
 
-FORM = messages.StateFormat('inertial', 'base_link', 1e-4, 1e-6)
 STAMP_NS = 5_000_000_001
 
 
@@ -29,11 +30,10 @@ def samples() -> list[StateSample]:
 
 @pytest.mark.parametrize('kind', ['odometry', 'imu'])
 def test_a_state_survives_the_way_through_a_message(kind: str) -> None:
-    make, take = {'odometry': (messages.to_odometry, DescribedSource(state_description('nav'))),
-                  'imu': (messages.to_imu, DescribedSource(state_description('imu')))}[kind]
+    take = DescribedSource(state_description(kind))
     for sample in samples():
         gate = StateGate('inertial', 'base_link', step_s=0.5, timeout_s=1.0, timed=True)
-        back = gate.admit(take.read(kind, make(sample, FORM), 0), STAMP_NS)
+        back = gate.admit(take.read(kind, state_message(kind, sample), 0), STAMP_NS)
         assert isinstance(back, StateSample)
         assert back.stamp_ns == STAMP_NS
         np.testing.assert_allclose(back.R_NB, sample.R_NB, atol=4e-16)
@@ -49,7 +49,7 @@ def test_quaternions_are_xyzw() -> None:
 
 def test_frames_and_covariances() -> None:
     sample = samples()[3]
-    odometry, imu = messages.to_odometry(sample, FORM), messages.to_imu(sample, FORM)
+    odometry, imu = state_message('odometry', sample), state_message('imu', sample)
     assert (odometry.header.frame_id, odometry.child_frame_id) == ('inertial', 'base_link')
     assert imu.header.frame_id == 'base_link'
     np.testing.assert_array_equal(
@@ -62,7 +62,7 @@ def test_frames_and_covariances() -> None:
 
 
 def test_an_imu_without_orientation_or_rate_says_so() -> None:
-    imu = messages.to_imu(samples()[0], FORM)
+    imu = state_message('imu', samples()[0])
     source = DescribedSource(state_description('imu'))
     assert source.read('imu', imu, 0).has_attitude
     imu.orientation_covariance[0] = -1.0

@@ -21,6 +21,7 @@ from hypothesis import strategies as st
 from properties import PROPERTY
 from rclpy.clock import ROSClock
 from rclpy.qos import QoSProfile
+from state_messages import state_message
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.description import PRESETS
@@ -143,11 +144,10 @@ def test_the_control_loop_commands_the_same_whatever_source_a_state_comes_from(
     made_up: str, vector: tuple[float, ...], rate: tuple[float, ...],
 ) -> None:
     R_NB, omega, torques = so3.exp(vector), np.array(rate), []
-    form = messages.StateFormat('inertial', 'base_link', 0.0, 0.0)
     sample = StateSample(STAMP_NS, R_NB, omega)
     sent = {
-        'odometry': [('odometry', messages.to_odometry(sample, form))],
-        'imu': [('imu', messages.to_imu(sample, form))],
+        'odometry': [('odometry', state_message('odometry', sample))],
+        'imu': [('imu', state_message('imu', sample))],
         made_up: [('pose', pose(STAMP_NS, R_NB.T)), ('twist', twist(STAMP_NS, omega))]}
     for given_name, parts in sent.items():
         node, refusals = Listener(), []

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -35,8 +36,8 @@ def attitude(index: int) -> np.ndarray:
     return so3.exp([0.1 * index, -0.2, 0.3])
 
 
-def px4_bag(path: Path, *, attitudes: int = N) -> Path:
-    """Write what a vehicle and its controller say, twice a second."""
+def px4_bag(path: Path, *, attitudes: int = N, says: dict[str, Any] | None = None) -> Path:
+    """Write what a vehicle and its controller say, twice a second; ``says``: its parameters."""
     store = get_typestore(Stores.ROS2_JAZZY)
     for kind, fields in FIELDS.items():
         store.register(get_types_from_msg(fields, kind))
@@ -49,6 +50,12 @@ def px4_bag(path: Path, *, attitudes: int = N) -> Path:
             message = store.types[kind](sample_us + 10, sample_us, np.array(values, np.float32))
             writer.write(topics[kind], received_ns, store.serialize_cdr(message, kind))
 
+        if says is not None:
+            text = 'std_msgs/msg/String'
+            latched = writer.add_connection(
+                '/sat1/attitude_controller/description', text, typestore=store)
+            writer.write(latched, START_NS, store.serialize_cdr(
+                store.types[text](json.dumps({'parameters': says})), text))
         for index in range(N):
             sample_us, received_ns = BOOT_US + 500_000 * index, START_NS + 500_000_000 * index
             w, x, y, z = so3.quaternion_from_rotation(NED.T @ attitude(index) @ FRD)
@@ -69,6 +76,15 @@ def test_states_and_torques_of_px4_are_those_of_the_vehicle(tmp_path: Path) -> N
         run.states.omega_BN_B, [(0.1, -0.2, -0.1 * i) for i in range(N)], atol=1e-7)
     # A command without a time of its own answers the state before it; half scale, FRD to FLU.
     assert run.commands.stamp_ns.tolist() == run.states.stamp_ns.tolist()
+    np.testing.assert_allclose(run.commands.torque_B_n_m, [(0.1, -0.2, 0.3)] * N, atol=1e-7)
+
+
+def test_a_bag_that_says_how_its_controller_heard_is_read_so(tmp_path: Path) -> None:
+    run = read_run(px4_bag(tmp_path / 'bag', says={
+        'state_source': 'px4', 'setpoint_source': 'nav', 'command_sink': 'px4',
+        'full_scale_torque_n_m': [0.5, 0.4, 0.3]}))
+    assert run.topics.stack == PX4.stack
+    np.testing.assert_allclose(run.states.R_NB, [attitude(i) for i in range(N)], atol=1e-6)
     np.testing.assert_allclose(run.commands.torque_B_n_m, [(0.1, -0.2, 0.3)] * N, atol=1e-7)
 
 

@@ -115,7 +115,7 @@ def test_a_bag_that_is_there_is_not_touched(tmp_path: Path) -> None:
 def test_a_type_without_definition_is_refused(tmp_path: Path) -> None:
     with BagWriter(tmp_path / 'bag') as writer:
         assert not writer.knows('my_msgs/msg/Thing')
-        with pytest.raises(BagError, match=r'/thing has the type my_msgs/msg/Thing'):
+        with pytest.raises(BagError, match=r'the definition of my_msgs/msg/Thing is not'):
             writer.add_topic(BagTopic('/thing', 'my_msgs/msg/Thing'))
 
 

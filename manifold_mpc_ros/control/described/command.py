@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from manifold_mpc_ros.config.conventions import Vector
-from manifold_mpc_ros.config.description import CommandMessage, Steps
+from manifold_mpc_ros.config.description import CommandMessage
 from manifold_mpc_ros.control.actuator import Actuation
 from manifold_mpc_ros.control.described.conversions import to_ours, to_theirs
 from manifold_mpc_ros.control.described.fields import (
@@ -18,9 +18,9 @@ from manifold_mpc_ros.control.described.fields import (
     numbers_at,
     put,
     put_numbers,
+    put_stamp,
     value_at,
 )
-from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.errors import ConfigurationError
 
 
@@ -61,8 +61,8 @@ class CommandWriter:
         described = self.described
         for steps, value in described.constants.items():
             put(message, steps, value)
-        self._put_stamp(message, described.stamp, stamp_ns)
-        self._put_stamp(message, described.sent, sent_ns)
+        for steps, time_ns in ((described.stamp, stamp_ns), (described.sent, sent_ns)):
+            put_stamp(message, steps, described.stamp_unit_ns, time_ns)
         if described.body_frame_id:
             put(message, described.body_frame_id, self._body_frame_id)
         if actuation is not None and described.device:
@@ -95,13 +95,3 @@ class CommandWriter:
             raise ConfigurationError(
                 self.described.topic, self.described.message_type,
                 f'a type with the fields described ({error})') from None
-
-    def _put_stamp(self, message: Any, steps: Steps, time_ns: int) -> None:
-        """Put a time [ns] where the description says."""
-        unit_ns = self.described.stamp_unit_ns
-        if steps and unit_ns:
-            whole = isinstance(value_at(message, steps), int)
-            put(message, steps, time_ns // unit_ns if whole else time_ns / unit_ns)
-        elif steps:
-            time = value_at(message, steps)
-            time.sec, time.nanosec = divmod(time_ns, NANOSECONDS)

@@ -1,14 +1,15 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""From the numbers of other stacks to ours, by their conventions (config/conventions.py).
+"""Between the numbers of other stacks and ours, by their conventions (config/conventions.py).
 
-What is read of a state that a convention says is, by the inverse convention, the state again
-within 1e-15 (test_conversions.py); the plain convention leaves every bit.
+A state that is written and read again is the state within 1e-15, whatever the convention
+(test_conversions.py); the plain convention leaves every bit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -57,6 +58,34 @@ def read_rate(
     return _vector(R_NB.T @ to_ours(convention.world, vector))
 
 
+def write_attitude(
+    convention: AttitudeConvention, quaternion_xyzw: Quaternion,
+) -> tuple[float, ...]:
+    """Map x, y, z, w of q_NB to the components of a message; inverse of `read_attitude`."""
+    x, y, z, w = quaternion_xyzw
+    q = (w, x, y, z)
+    if convention.world is not None:
+        q = _times(_inverse(convention.world.q_wxyz), q)
+    if convention.body is not None:
+        q = _times(q, convention.body.q_wxyz)
+    return _WRITE[convention.form](
+        q if convention.direction == 'body_to_world' else _inverse(q))
+
+
+def write_rate(
+    convention: RateConvention, omega_BN_B: Vector, quaternion_xyzw: Quaternion,
+) -> Vector:
+    """Map omega_BN_B [rad/s], with q_NB, to the components of a message: as `read_rate` reads."""
+    vector = omega_BN_B
+    if convention.axes == 'world':
+        x, y, z, w = quaternion_xyzw
+        vector = _vector(so3.rotation_from_quaternion((w, x, y, z)) @ vector)
+    vector = to_theirs(
+        convention.body if convention.axes == 'body' else convention.world, vector)
+    scale = RATE_UNITS[convention.unit]
+    return vector if scale == 1.0 else _vector(np.array(vector) / scale)
+
+
 def to_ours(axes: Axes | None, vector: Vector) -> Vector:
     """Map components in the axes of a stack to components in ours: R v."""
     return vector if axes is None else _vector(axes.R @ vector)
@@ -84,10 +113,21 @@ def _read_matrix(values: Sequence[float]) -> Quaternion:
     return wxyz(R)
 
 
+def _write_mrp(q: Quaternion) -> Vector:
+    """Map a quaternion to the set of MRP of the shorter turn: v / (1 + w), of q or -q."""
+    w, x, y, z = q
+    below = math.copysign(1.0, w) + w
+    return (x / below, y / below, z / below)
+
+
 _READ = {
     'quaternion_xyzw': lambda values: (values[3], values[0], values[1], values[2]),
     'quaternion_wxyz': lambda values: (values[0], values[1], values[2], values[3]),
     'mrp': _read_mrp, 'matrix': _read_matrix}
+_WRITE: dict[str, Callable[[Quaternion], tuple[float, ...]]] = {
+    'quaternion_xyzw': lambda q: (*q[1:], q[0]), 'quaternion_wxyz': lambda q: q,
+    'mrp': _write_mrp,
+    'matrix': lambda q: tuple(so3.rotation_from_quaternion(q).ravel().tolist())}
 
 
 def _vector(values: Array) -> Vector:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from manifold_mpc_ros.config.description import Steps
+from manifold_mpc_ros.control.input_gate import NANOSECONDS
 
 #: What reading or writing a field raises that is not there, or is another kind of value.
 WRONG_FIELD = (AssertionError, AttributeError, OverflowError, TypeError, ValueError)
@@ -73,3 +74,23 @@ def put(message: Any, steps: Steps, value: Any) -> None:
         owner[last] = value
     else:
         setattr(owner, last, value)
+
+
+def stamp_at(message: Any, steps: Steps, unit_ns: int) -> int | None:
+    """Return the stamp of a message [ns], of a time or of a number of a unit; None without."""
+    if not steps:
+        return None
+    value = value_at(message, steps)
+    if unit_ns:
+        return round(value * unit_ns)
+    return int(value.sec) * NANOSECONDS + int(value.nanosec)
+
+
+def put_stamp(message: Any, steps: Steps, unit_ns: int, stamp_ns: int) -> None:
+    """Put a stamp [ns] where `stamp_at` reads it."""
+    if steps and unit_ns:
+        whole = isinstance(value_at(message, steps), int)
+        put(message, steps, stamp_ns // unit_ns if whole else stamp_ns / unit_ns)
+    elif steps:
+        time = value_at(message, steps)
+        time.sec, time.nanosec = divmod(stamp_ns, NANOSECONDS)

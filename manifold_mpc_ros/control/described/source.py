@@ -9,7 +9,7 @@ from typing import Any
 
 from manifold_mpc_ros.config.description import Part, StateDescription, Steps
 from manifold_mpc_ros.control.described.conversions import read_attitude, read_rate
-from manifold_mpc_ros.control.described.fields import WRONG_FIELD, numbers_at, value_at
+from manifold_mpc_ros.control.described.fields import WRONG_FIELD, numbers_at, stamp_at, value_at
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, RawState, Reason, Refusal
 from manifold_mpc_ros.errors import ConfigurationError
 
@@ -17,31 +17,42 @@ from manifold_mpc_ros.errors import ConfigurationError
 NOT_PROVIDED = -1.0
 #: Two clocks go apart by no more than this part of the time that passes.
 CLOCK_DRIFT = 2e-4
+#: A clock that is not farther from ROS time at first is ROS time [ns].
+NEAR_NS = NANOSECONDS
 #: A clock that goes back by more has started again [ns]; messages out of order go back too.
 LARGEST_STEP_BACK_NS = NANOSECONDS // 10
 
 
 class ForeignClock:
-    """Maps the time of a clock that started at the other computer's boot to ROS time [ns].
+    """Maps the time of another computer's clock to ROS time [ns].
 
-    The offset is the smallest difference of receipt and stamp, that of the message with the least
-    delay; it may grow by CLOCK_DRIFT.
+    One that starts near ROS time is ROS time, as of an agent that synchronises, or of one
+    simulation. Else, of a clock from boot on, the offset is the smallest difference of receipt
+    and stamp, that of the message with the least delay; it may grow by CLOCK_DRIFT.
     """
 
     def __init__(self) -> None:
         """Start with nothing known."""
         self._latest_ns: int | None = None
         self._offset_ns = 0
+        self._same = False
 
     def to_ros_ns(self, foreign_ns: int, received_ns: int) -> int:
-        """Map a stamp, of a message that was received at a ROS time [ns]."""
+        """Map a stamp, of a message that was received at a ROS time [ns].
+
+        A simulated clock that has not begun, at 0, tells nothing: the stamp stays as it is.
+        """
+        if not received_ns:
+            return foreign_ns
         difference_ns, latest_ns = received_ns - foreign_ns, self._latest_ns
         if latest_ns is None or foreign_ns < latest_ns - LARGEST_STEP_BACK_NS:
             self._offset_ns, latest_ns = difference_ns, foreign_ns
+            self._same = abs(difference_ns) < NEAR_NS
+        self._same = self._same and abs(difference_ns) < 2 * NEAR_NS
         passed_ns = max(0, foreign_ns - latest_ns)
         self._latest_ns = latest_ns + passed_ns
         self._offset_ns = min(difference_ns, self._offset_ns + round(CLOCK_DRIFT * passed_ns))
-        return foreign_ns + self._offset_ns
+        return foreign_ns if self._same else foreign_ns + self._offset_ns
 
 
 @dataclass(frozen=True)
@@ -113,8 +124,9 @@ class DescribedSource:
 
 def read_part(part: Part, message: Any, received_ns: int) -> ReadPart:
     """Read one part of a state; raises IndexError and what is in WRONG_FIELD."""
+    stamp_ns = stamp_at(message, part.stamp, part.stamp_unit_ns)
     return ReadPart(
-        _stamp_ns(part, message, received_ns), received_ns,
+        received_ns if stamp_ns is None else stamp_ns, received_ns,
         numbers_at(message, part.fields, part.convention.names),
         not part.absent or value_at(message, part.absent) != NOT_PROVIDED,
         _text(message, part.inertial_frame_id), _text(message, part.body_frame_id))
@@ -130,16 +142,6 @@ def check_part(part: Part, message: Any) -> None:
         raise ConfigurationError(
             part.topic, part.message_type, f'a type with the fields described ({error})',
         ) from None
-
-
-def _stamp_ns(part: Part, message: Any, received_ns: int) -> int:
-    """Return the stamp of a message by the clock that it is of [ns]."""
-    if not part.stamp:
-        return received_ns
-    value = value_at(message, part.stamp)
-    if part.stamp_unit_ns:
-        return round(value * part.stamp_unit_ns)
-    return int(value.sec) * NANOSECONDS + int(value.nanosec)
 
 
 def _text(message: Any, steps: Steps) -> str | None:

@@ -28,6 +28,8 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
+from manifold_mpc_ros.config.description import PLAIN, state_description
+from manifold_mpc_ros.control.described.state_writer import StateWriter
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.lab.recording.bags.contents import stamp_ns_of
@@ -44,7 +46,7 @@ PATIENCE_S = 120.0
 STATES_PER_TICK = 5
 #: Numbers that the controller reports of itself, by their keys on /diagnostics.
 KEYS = ('solve_time_us', 'answer_time_us', 'tick_lateness_us', 'tick_time_us', 'missed_ticks')
-_TOPIC_FORM = messages.StateFormat('inertial', 'base_link', 0.0, 0.0)
+_WRITER = StateWriter(state_description(PLAIN), ('inertial', 'base_link'))
 
 
 @dataclass(frozen=True)
@@ -95,9 +97,8 @@ class Probe:
 
     def publish(self) -> tuple[int, float]:
         """Publish the present state; return its stamp [ns] and when it went out [s]."""
-        stamp_ns = time.time_ns()
-        message = messages.to_odometry(
-            StateSample(stamp_ns, self._R_NB, self._omega), _TOPIC_FORM)
+        stamp_ns, message = time.time_ns(), Odometry()
+        _WRITER.fill({'odometry': message}, StateSample(stamp_ns, self._R_NB, self._omega))
         now_s = time.monotonic()
         self._publisher.publish(message)
         return stamp_ns, now_s

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import argparse
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -18,7 +18,10 @@ from manifold_mpc_ros.cli import provenance
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, SIMULATOR_NAME
 from manifold_mpc_ros.config.yaml_file import read_parameter_file
 from manifold_mpc_ros.errors import BagError
-from manifold_mpc_ros.lab.recording.scenarios.scenario import DECIDED_BY_TIME
+from manifold_mpc_ros.lab.recording.scenarios.scenario import (
+    DECIDED_AT_SIMULATOR,
+    DECIDED_BY_TIME,
+)
 
 if TYPE_CHECKING:
     from manifold_mpc_ros.lab.recording.nodes.bag_recorder import BagRecorder
@@ -141,7 +144,8 @@ def _scenario(
         'description': 'What the demo showed: two processes in real time.',
         'duration_s': max(1, int((duration_s - SHORT_S) / step_s)) * step_s,
         'time': {'mode': 'wall'},
-        'controller': _own(controller), 'simulator': _own(simulator),
+        'controller': _own(controller, DECIDED_BY_TIME),
+        'simulator': _own(simulator, DECIDED_AT_SIMULATOR),
         'acceptance': {
             'attitude_tolerance_deg': arguments.attitude_tolerance,
             'rate_tolerance_rad_s': arguments.rate_tolerance,
@@ -149,6 +153,6 @@ def _scenario(
             'final_error_deg': arguments.attitude_tolerance}}, sort_keys=False))
 
 
-def _own(parameters: dict[str, Any]) -> dict[str, Any]:
+def _own(parameters: dict[str, Any], decided: Mapping[str, str]) -> dict[str, Any]:
     """Return the parameters that a scenario may give."""
-    return {name: value for name, value in parameters.items() if name not in DECIDED_BY_TIME}
+    return {name: value for name, value in parameters.items() if name not in decided}

@@ -7,8 +7,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from manifold_mpc_ros.config.description import state_description
-from manifold_mpc_ros.config.interfaces import command_topics, state_topics
+from manifold_mpc_ros.config.description import (
+    CommandMessage,
+    Part,
+    command_description,
+    is_shipped_state,
+    setpoint_description,
+    state_description,
+)
 from manifold_mpc_ros.config.parameter import Value
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, SIMULATOR_NAME
 from manifold_mpc_ros.errors import ConfigurationError
@@ -17,13 +23,9 @@ from manifold_mpc_ros.lab.recording.scenarios.parts import LinkFault
 from manifold_mpc_ros.lab.recording.scenarios.scenario import Scenario
 
 PATH = 'nav_msgs/msg/Path'
-#: Types of what the simulator publishes of a state, and hears of a command, by topic.
-STATES = {f'/{name}': kind for name, kind, _ in state_topics()}
-COMMANDS = {f'/{name}': kind for name, kind, _ in command_topics()}
 #: What a topic is called behind a link.
 BEHIND = '_link'
 OTHERS = {
-    '/attitude_setpoint': 'geometry_msgs/msg/QuaternionStamped',
     '/direction_setpoint': 'geometry_msgs/msg/Vector3Stamped',
     '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
     '/clock': 'rosgraph_msgs/msg/Clock',
@@ -31,6 +33,11 @@ OTHERS = {
     f'/{SIMULATOR_NAME}/transition_event': 'lifecycle_msgs/msg/TransitionEvent',
 }
 PREDICTION = f'/{CONTROLLER_NAME}/prediction'
+
+
+def absolute(topic: str) -> str:
+    """Return the full name of a topic of a node without a namespace."""
+    return topic if topic.startswith('/') else f'/{topic}'
 
 
 @dataclass(frozen=True)
@@ -54,22 +61,60 @@ class RecordPlan:
     scenario: Scenario
 
     def __post_init__(self) -> None:
-        """Raise ConfigurationError for messages that the simulator does not speak."""
-        for parameter, topics, spoken in (
-            ('state_source', state_topics, {*STATES.items()}),
-            ('command_sink', command_topics, {*COMMANDS.items()}),
-        ):
-            given = str(self.scenario.controller_parameters[parameter])
-            if not {(f'/{name}', kind) for name, kind, _ in topics(given)} <= spoken:
-                raise ConfigurationError(
-                    parameter, given, 'messages that the simulator speaks: '
-                    + ', '.join(sorted(kind for _, kind in spoken)))
+        """Raise ConfigurationError for a fault that cannot be put between these nodes."""
+        if self.scenario.faults.state_link.acts and not is_shipped_state(self._state_source):
+            raise ConfigurationError(
+                'faults.state_link', str(self.scenario.faults.state_link),
+                f'left out with state_source {self._state_source}')
+
+    @property
+    def _state_source(self) -> str:
+        return str(self.scenario.controller_parameters['state_source'])
+
+    @property
+    def setpoint(self) -> Part:
+        """How commanded attitudes go to the controller."""
+        return setpoint_description(str(self.scenario.controller_parameters['setpoint_source']))
 
     @property
     def state_topic(self) -> str:
-        """The topic that the simulator publishes the controller's state on."""
-        given = str(self.scenario.controller_parameters['state_source'])
-        return f'/{state_description(given).attitude.topic}'
+        """The topic that the simulator publishes the controller's attitude on."""
+        return self.state_topics[0]
+
+    @property
+    def state_topics(self) -> tuple[str, str]:
+        """Those of attitude and rate."""
+        state = state_description(self._state_source)
+        return absolute(state.attitude.topic), absolute(state.rate.topic)
+
+    @property
+    def duration_s(self) -> float:
+        """How long to record: where states have no stamps, a joined one more than the run has."""
+        if state_description(self._state_source).attitude.stamp:
+            return self.scenario.duration_s
+        return self.scenario.duration_s + 3.0 * self.scenario.simulator_config.state_period_s
+
+    @property
+    def command_topic(self) -> str:
+        """The topic of the torque."""
+        return next(iter(self._commands))
+
+    @property
+    def _commands(self) -> dict[str, CommandMessage]:
+        """The messages that the simulator hears, by topic."""
+        given = str(self.scenario.controller_parameters['command_sink'])
+        return {absolute(each.topic): each for each in command_description(given)
+                if each.fields and not each.device}
+
+    @property
+    def described(self) -> dict[str, Part | CommandMessage]:
+        """What states and commands say, by topic; behind a link the same as before it."""
+        parts: dict[str, Part | CommandMessage] = {**self._commands}
+        for given in self.scenario.simulator_parameters['state_sinks']:  # type: ignore[union-attr]
+            state = state_description(str(given))
+            for part in (state.rate, state.attitude):
+                parts[absolute(part.topic)] = part
+        return {**parts, **{link.target: parts[link.source] for link in self.links.values()}}
 
     @property
     def links(self) -> dict[str, LinkPlan]:
@@ -82,26 +127,30 @@ class RecordPlan:
         later = any(setpoint.at_s > 0.0 for setpoint in self.scenario.setpoints)
         if faults.state_link.acts or (later and self.scenario.lockstep):
             links[CONTROLLER_NAME] = LinkPlan(
-                self.state_topic, STATES[self.state_topic], faults.state_link)
+                self.state_topic,
+                state_description(self._state_source).attitude.message_type, faults.state_link)
         if faults.command_link.acts:
-            (topic, kind), = COMMANDS.items()
-            links[SIMULATOR_NAME] = LinkPlan(topic, kind, faults.command_link)
+            links[SIMULATOR_NAME] = LinkPlan(
+                self.command_topic, self._commands[self.command_topic].message_type,
+                faults.command_link)
         return links
 
     @property
     def stamped(self) -> dict[str, str]:
         """Topics by name with their type whose stamps are simulated time."""
-        behind = {link.target: link.kind for link in self.links.values()}
-        return {**STATES, **COMMANDS, PREDICTION: PATH, **behind}
+        return {PREDICTION: PATH, **{
+            topic: each.message_type for topic, each in self.described.items()}}
 
     @property
     def others(self) -> dict[str, str]:
         """The other topics that are there from the start."""
-        return OTHERS
+        return {**OTHERS, absolute(self.setpoint.topic): self.setpoint.message_type}
 
     @property
     def roles(self) -> dict[str, str]:
-        """What `TopicNames` cannot know."""
+        """What `TopicNames` cannot know; the topics of a described stack follow from it."""
+        if not is_shipped_state(self._state_source):
+            return {}
         link = self.links.get(CONTROLLER_NAME)
         return {'state': self.state_topic, 'received_state': link.target if link else ''}
 
@@ -118,5 +167,5 @@ class RecordPlan:
         arguments = ['--params-file', str(path)]
         link = self.links.get(node)
         if link is not None:
-            arguments += ['-r', f'{link.source.lstrip("/")}:={link.target}']
+            arguments += ['-r', f'{link.source}:={link.target}']
         return arguments

@@ -78,7 +78,7 @@ class Recording:
     def run(self, progress: Progress) -> None:
         """Let simulated time go on to the scenario's end."""
         first_ns = self._recorder.count(self._plan.state_topic).first_stamp_ns
-        end_ns = first_ns + round(self._scenario.duration_s * NANOSECONDS)
+        end_ns = first_ns + round(self._plan.duration_s * NANOSECONDS)
         self._recorder.end_stamp_ns = end_ns
         self._inputs.begin(first_ns)
         latest_ns, latest_s = 0, time.monotonic()
@@ -102,11 +102,12 @@ class Recording:
     @property
     def _state_ns(self) -> int:
         """Stamp of the newest state, 0 before the first."""
-        return self._recorder.count(self._plan.state_topic).latest_stamp_ns
+        return min(self._recorder.count(topic).latest_stamp_ns
+                   for topic in self._plan.state_topics)
 
     def _over(self, end_ns: int) -> bool:
         """Say whether the last state has come, and in lockstep its answer."""
-        answered = self._recorder.count('/torque_command').latest_stamp_ns >= end_ns
+        answered = self._recorder.count(self._plan.command_topic).latest_stamp_ns >= end_ns
         return self._state_ns >= end_ns and (answered or not self._scenario.lockstep)
 
     def _finish_tick(self, end_ns: int) -> None:

@@ -9,7 +9,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
     from manifold_mpc_ros.lab.recording.bags.writer import BagWriter
     from manifold_mpc_ros.lab.recording.nodes.bag_recorder import BagRecorder
+    from manifold_mpc_ros.lab.recording.nodes.raw import StampReader
     from manifold_mpc_ros.lab.recording.nodes.run_inputs import RunInputs
 
 EXAMPLES = """\
@@ -129,8 +130,10 @@ def _record(
     from manifold_mpc_ros.cli.progress import Progress
     from manifold_mpc_ros.lab.recording.bags.writer import BagWriter
     from manifold_mpc_ros.lab.recording.nodes.bag_recorder import BagRecorder
+    from manifold_mpc_ros.lab.recording.nodes.raw import stamp_reader
     from manifold_mpc_ros.lab.recording.recorder import Recording
     plan = RecordPlan(scenario)
+    readers = {topic: stamp_reader(each) for topic, each in plan.described.items()}
     with ExitStack() as stack:
         interrupts = stack.enter_context(Interrupts())
         logs = stack.enter_context(_logs())
@@ -138,9 +141,12 @@ def _record(
         writer = stack.enter_context(BagWriter(
             path, arguments.storage, compress=arguments.compress))
         outcome = stack.enter_context(_outcome(writer))
-        recorder = stack.enter_context(BagRecorder(domain, writer, plan.stamped, plan.others))
+        writer.require(each.message_type for each in plan.described.values())
+        recorder = stack.enter_context(BagRecorder(
+            domain, writer, plan.stamped, plan.others, readers,
+            use_sim_time=scenario.use_sim_time))
         processes = stack.enter_context(NodeProcesses())
-        inputs = _inputs(plan, recorder)
+        inputs = _inputs(plan, recorder, readers)
         recording = Recording(plan, writer, recorder, inputs, processes, interrupts)
         duration_s = scenario.duration_s
         with Progress(console, 's simulated', duration_s, 'starting the nodes') as progress:
@@ -152,16 +158,19 @@ def _record(
         return recorder.lost()
 
 
-def _inputs(plan: RecordPlan, recorder: BagRecorder) -> RunInputs:
+def _inputs(
+    plan: RecordPlan, recorder: BagRecorder, readers: Mapping[str, StampReader],
+) -> RunInputs:
     """Return what the scenario puts into the run."""
     from manifold_mpc_ros.lab.recording.nodes.run_inputs import RunInputs
-    scenario = plan.scenario
+    scenario, controller = plan.scenario, plan.scenario.controller_config
     return RunInputs(
         recorder, scenario.setpoints,
-        {link.source: (link.target, link.kind, link.fault) for link in plan.links.values()},
+        {link.source: (link.target, link.kind, link.fault, readers[link.source])
+         for link in plan.links.values()},
         plan.state_topic, lockstep=scenario.lockstep,
         wall_clock=scenario.time_mode == 'wall', wall_per_s=1.0 / scenario.clock_factor,
-        inertial_frame_id=scenario.controller_config.inertial_frame_id)
+        frames=(controller.inertial_frame_id, controller.body_frame_id), setpoint=plan.setpoint)
 
 
 @contextmanager

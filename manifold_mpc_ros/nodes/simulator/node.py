@@ -9,26 +9,19 @@ from collections.abc import Mapping
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import WrenchStamped
-from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import Imu
 
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.control_law import SimulatorConfig
 from manifold_mpc_ros.config.parameter import Value
-from manifold_mpc_ros.control.input_gate import (
-    NANOSECONDS,
-    Reason,
-    Refusal,
-    StateSample,
-    admit_torque,
-)
+from manifold_mpc_ros.control.input_gate import NANOSECONDS, Reason, Refusal, StateSample
 from manifold_mpc_ros.nodes import messages
+from manifold_mpc_ros.nodes.described_inputs import DescribedTorque
 from manifold_mpc_ros.nodes.managed_node import INPUT_QOS, ManagedNode, Status
 from manifold_mpc_ros.nodes.publisher_watch import PublisherWatch
 from manifold_mpc_ros.nodes.simulator.clock_watch import TOPIC, ClockWatch
 from manifold_mpc_ros.nodes.simulator.wheel_link import WheelLink
+from manifold_mpc_ros.nodes.state_output import StateOutput
 from manifold_mpc_ros.sim.pacing import Ask, FreeRun, Lockstep, Patience
 from manifold_mpc_ros.sim.plant_loop import PlantLoop
 
@@ -57,11 +50,9 @@ class LgviSimulatorNode(ManagedNode):
         """Check the configuration and make the interfaces."""
         config = SimulatorConfig.from_parameters(values)
         self._config = config
-        self._form = messages.StateFormat(
-            config.inertial_frame_id, config.body_frame_id,
-            config.attitude_noise_std_rad ** 2, config.rate_noise_std_rad_s ** 2)
-        self._odometry = self.advertise(Odometry, 'odometry')
-        self._imu = self.advertise(Imu, 'imu')
+        self._states = StateOutput(self, config)
+        self._commands = DescribedTorque(config.command_source, config.body_frame_id,
+                                         config.full_scale_torque_n_m, 'command_source')
         self._clock_publisher = self.advertise(Clock, TOPIC) if config.publish_clock else None
         self._own_time = config.publish_clock or config.lockstep
         wanted = bool(self.get_parameter('use_sim_time').value)
@@ -70,7 +61,8 @@ class LgviSimulatorNode(ManagedNode):
         if wanted and config.lockstep:
             self.get_logger().info(
                 'use_sim_time is not used: in lockstep time goes by answers, not by a clock')
-        self._torque = self.listen(WrenchStamped, 'torque_command', self._on_torque, INPUT_QOS)
+        self._torque = self.listen(
+            self._commands.kind, self._commands.topic, self._on_torque, INPUT_QOS)
         self._torque_publishers = PublisherWatch()
         self._wheels = WheelLink(self, config, lambda motors: self._loop.command(motors))
 
@@ -79,9 +71,9 @@ class LgviSimulatorNode(ManagedNode):
         self.destroy_subscription(self._torque)
         self._wheels.close()
         self._clock_watch.close()
-        for publisher in (self._odometry, self._imu, self._clock_publisher):
-            if publisher is not None:
-                self.destroy_lifecycle_publisher(publisher)
+        self._states.close()
+        if self._clock_publisher is not None:
+            self.destroy_lifecycle_publisher(self._clock_publisher)
 
     def start(self) -> None:
         """Put the plant into its initial state and let time begin."""
@@ -179,36 +171,34 @@ class LgviSimulatorNode(ManagedNode):
             return DiagnosticStatus.WARN, 'RUN', self._clock_watch.ignores
         return DiagnosticStatus.OK, 'RUN', 'simulated time runs'
 
-    def _on_torque(self, message: WrenchStamped, info: Mapping[str, Any]) -> None:
+    def _on_torque(self, message: Any, info: Mapping[str, Any]) -> None:
         """Take a torque, with those of the motors where there are wheels."""
         if not self.active:
             return
         turns = self._torque_publishers.note(info.get('publication_sequence_number'))
         if turns and self._torque.get_publisher_count() > 1:
-            self._loop.latch('two publishers of torque_command')
+            self._loop.latch(f'two publishers of {self._commands.topic}')
         self._wheels.when_commanded(info, lambda: self._take(message))
 
-    def _take(self, message: WrenchStamped) -> None:
+    def _take(self, message: Any) -> None:
         """Put what was commanded in force or count its refusal; in lockstep, let time go on."""
         torque = self._admitted(message)
         if isinstance(torque, Refusal):
-            self.refusals.add('torque_command', torque)
+            self.refusals.add(self._commands.topic, torque)
             return
         self._loop.command(self._wheels.command(torque))
         if self._config.lockstep and not self._still:
             self._exchange_next()
 
-    def _admitted(self, message: WrenchStamped) -> FloatArray | Refusal:
+    def _admitted(self, message: Any) -> FloatArray | Refusal:
         """Return the torque of a command, or why it must not act.
 
         In lockstep it answers the state that waits. Else it may stand in for states that did not
         come, but not for as long as four lives of a command; zero is never too old.
         """
-        torque = admit_torque(message.header.frame_id, messages.from_torque(message),
-                              self._config.body_frame_id)
-        if isinstance(torque, Refusal):
+        torque, stamp_ns = self._commands.admit(message), self._commands.stamp_ns(message)
+        if isinstance(torque, Refusal) or stamp_ns is None:
             return torque
-        stamp_ns = messages.nanoseconds(message.header.stamp)
         if self._config.lockstep:
             return torque if self._exchange.answer(stamp_ns) else Refusal(
                 Reason.UNEXPECTED_ANSWER, 'the stamp is not that of the state that waits')
@@ -261,8 +251,7 @@ class LgviSimulatorNode(ManagedNode):
         if self._still:
             return
         if self._published is None:
-            readers = self._odometry.get_subscription_count() + self._imu.get_subscription_count()
-            if readers > 0 and self._torque.get_publisher_count() > 0:
+            if self._states.readers > 0 and self._torque.get_publisher_count() > 0:
                 self._ask()
         elif not self._exchange.asking:  # answered while paused
             self._exchange_next()
@@ -294,7 +283,4 @@ class LgviSimulatorNode(ManagedNode):
     def _send(self, sample: StateSample) -> None:
         """Publish a measurement in each form that somebody reads."""
         self._wheels.publish(sample.stamp_ns, self._loop.wheel_speed_rad_s)
-        if self._imu.get_subscription_count() > 0:
-            self._imu.publish(messages.to_imu(sample, self._form))
-        if self._odometry.get_subscription_count() > 0:
-            self._odometry.publish(messages.to_odometry(sample, self._form))
+        self._states.send(sample)

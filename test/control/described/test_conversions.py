@@ -131,6 +131,21 @@ def test_what_a_stack_says_is_read_as_matrices_say(case: Case) -> None:
     assert np.abs(omega_B - R_BM @ omega_M).max() <= 1e-14, case
 
 
+@PROPERTY
+@given(case=cases)
+def test_a_state_that_is_written_is_read_again(case: Case) -> None:
+    """Of any convention; an attitude in another convention is the same one."""
+    w, x, y, z = case.q_wxyz.tolist()
+    values = conversions.write_attitude(case.attitude, (x, y, z, w))
+    assert len(values) == len(case.attitude.names)
+    back = conversions.read_attitude(case.attitude, values)
+    sign = math.copysign(1.0, np.dot(back, (x, y, z, w)))
+    assert np.abs(sign * np.array(back) - (x, y, z, w)).max() <= ROUNDING, case
+    said = conversions.write_rate(case.rate, case.omega, (x, y, z, w))
+    again = conversions.read_rate(case.rate, said, (x, y, z, w))
+    assert np.abs(np.array(again) - case.omega).max() <= ROUNDING, case
+
+
 def test_named_axes_are_those_of_the_field() -> None:
     """A vehicle in NED and FRD that heads north, level, heads north in ENU and FLU too."""
     ned, frd = (to.axes_of('axes', name, named) for name, named in (

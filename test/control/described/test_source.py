@@ -74,7 +74,7 @@ def test_stamps_of_three_kinds(
 
 
 @pytest.mark.parametrize('drift', [-1e-4, 0.0, 1e-4])
-@pytest.mark.parametrize('boot_ns', [-10**12, 0, 10**18])
+@pytest.mark.parametrize('boot_ns', [-10**12, -10**10, 10**18])
 def test_boot_time_is_mapped_by_the_message_with_the_least_delay(
     drift: float, boot_ns: int,
 ) -> None:
@@ -94,6 +94,13 @@ def test_a_clock_that_started_again_is_mapped_anew() -> None:
     assert clock.to_ros_ns(1 * SECOND, 1002 * SECOND) == 1002 * SECOND
     # And one that is set to ROS time while it runs: the smaller difference counts at once.
     assert clock.to_ros_ns(1003 * SECOND, 1003 * SECOND + 5) == 1003 * SECOND + 5
+
+
+def test_a_clock_that_is_ros_time_is_taken_as_it_is_and_time_0_tells_nothing() -> None:
+    clock = ForeignClock()
+    assert clock.to_ros_ns(3 * SECOND, 0) == 3 * SECOND  # simulated time has not begun
+    for late_ns in (-40_000_000, 700_000_000, 1_400_000_000, 10):  # late messages of /clock too
+        assert clock.to_ros_ns(4 * SECOND, 4 * SECOND + late_ns) == 4 * SECOND
 
 
 def test_what_cannot_be_read_is_refused_with_the_reason(tmp_path: Path) -> None:

@@ -244,7 +244,7 @@ def _noted(description: RunDescription) -> TopicNames:
     known = {field.name for field in fields(TopicNames)} - {'stack'}
     roles: dict[str, Any] = {role: str(topic) for role, topic in description.topics.items()
                              if role in known}
-    return TopicNames(**roles)
+    return TopicNames(**roles, stack=StackDescriptions.of(description.controller_parameters))
 
 
 def _scenario(

@@ -4,26 +4,21 @@
 
 States become nav_msgs/Odometry, commanded attitudes QuaternionStamped, commands WrenchStamped. The
 definitions of their types are those inside the bag, or else those of an installed package.
-Messages are read in the order of the bag, as a controller would have heard them.
+Messages are read in the order of the bag, as a controller would have heard them; they are received
+by the clock that is in the bag, where there is one.
 """
 
 from __future__ import annotations
 
-import os
-import sys
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
-from rosbags.interfaces import MessageDefinitionFormat
-from rosbags.rosbag2 import Reader
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from rosbags.typesys.store import Typestore
-
 from manifold_mpc_ros.config.description import (
+    PLAIN,
     command_description,
+    is_shipped_state,
     setpoint_description,
     state_description,
 )
@@ -34,9 +29,16 @@ from manifold_mpc_ros.control.described.source import DescribedSource, read_part
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, RawState, Refusal
 from manifold_mpc_ros.errors import BagError
 from manifold_mpc_ros.lab.recording.bags import decode
-from manifold_mpc_ros.lab.recording.bags.contents import BagContents, BagTopic, RawMessage
+from manifold_mpc_ros.lab.recording.bags.contents import (
+    BagContents,
+    BagTopic,
+    RawMessage,
+    stamp_ns_of,
+)
+from manifold_mpc_ros.lab.recording.bags.definitions import types_of
 
 #: What the messages are called, and their frames, as `manifold-mpc record` has them.
+CLOCK = '/clock'
 STATE, SETPOINT, TORQUE = '/odometry', '/attitude_setpoint', '/torque_command'
 FRAMES = ('inertial', 'base_link')
 
@@ -52,6 +54,16 @@ class StackDescriptions:
     setpoint_source: str = ''
     command_sink: str = ''
     full_scale_torque_n_m: tuple[float, ...] = (float('inf'),)
+
+    @classmethod
+    def of(cls, parameters: Mapping[str, Any]) -> StackDescriptions | None:
+        """Return what a controller with these parameters spoke, None for the shipped messages."""
+        given = {name: str(parameters.get(name, PLAIN)) for name in (
+            'state_source', 'setpoint_source', 'command_sink')}
+        theirs = {name: text for name, text in given.items() if not (
+            is_shipped_state(text) if name == 'state_source' else text == PLAIN)}
+        return cls(**theirs, full_scale_torque_n_m=tuple(
+            parameters.get('full_scale_torque_n_m', ()))) if theirs else None
 
 
 def translated(
@@ -89,19 +101,23 @@ class _Translator:
                            if each.fields and not each.device)
             self._writer = CommandWriter(command, FRAMES[1], stack.full_scale_torque_n_m)
             self._described[self._topic(command)] = (TORQUE, command)
-        self._types = types_of(contents, {part.message_type for _, part in
+        self._types = types_of(contents.path, {part.message_type for _, part in
                                           self._described.values()})
 
     def messages(self) -> Iterator[RawMessage]:
         """Yield the messages of the bag, the described ones as shipped ones."""
+        clock_ns = 0 if any(each.topic == CLOCK for each in self._contents.messages) else None
         for message in self._contents.messages:
+            if message.topic == CLOCK:
+                clock_ns = stamp_ns_of(message.data)
             if message.topic not in self._described:
                 yield message
                 continue
             target, part = self._described[message.topic]
             try:
                 content = self._types.deserialize_cdr(message.data, part.message_type)
-                data = self._data(target, part, content, message.received_ns)
+                data = self._data(target, part, content, (
+                    message.received_ns if clock_ns is None else clock_ns))
             except (*decode.DAMAGE, *WRONG_FIELD) as error:
                 self.unusable[message.topic, ' '.join(str(error).split())[:120]] += 1
             else:
@@ -109,12 +125,12 @@ class _Translator:
                     yield replace(message, topic=target, data=data)
 
     def _data(self, target: str, part: Any, content: Any, received_ns: int) -> bytes | None:
-        """Return the shipped message of a described one, None while a state is not whole."""
+        """Return the shipped message of a described one; None before a state or time begins."""
         if target == STATE:
             read = self._source.read(part.topic, content, received_ns)
             if isinstance(read, Refusal):
                 raise ValueError(read.detail)
-            return None if read is None else self._state(read)
+            return None if read is None or not read.stamp_ns else self._state(read)
         if target == SETPOINT:
             setpoint = read_part(part, content, received_ns)
             return decode.attitude_cdr(
@@ -146,41 +162,3 @@ class _Translator:
             raise BagError(f'{self._contents.path}: {len(found)} topics, not one, are '
                            f'{part.topic} ({part.message_type}): {topics}')
         return found[0]
-
-
-def types_of(contents: BagContents, kinds: Iterable[str]) -> Typestore:
-    """Return the definitions of types: standard ones, those in a bag, those of installed packages.
-
-    Raises BagError for a type that none of them has.
-    """
-    store = get_typestore(Stores.ROS2_JAZZY)
-    missing = [kind for kind in kinds if kind not in store.fielddefs]
-    if missing:
-        for definitions in (_in_bag(contents.path), *map(_installed, missing)):
-            for kind, text in definitions:
-                store.register({name: fields for name, fields in get_types_from_msg(
-                    text, kind).items() if name not in store.fielddefs})
-    for kind in missing:
-        if kind not in store.fielddefs:
-            raise BagError(f'{contents.path}: the definition of {kind} is neither in the bag nor '
-                           f'in an installed package {kind.partition("/")[0]}')
-    return store
-
-
-def _in_bag(path: Path) -> list[tuple[str, str]]:
-    """Return the definitions that a bag carries, none where it cannot be opened as a whole."""
-    try:
-        with Reader(path) as reader:
-            return [(each.msgtype, each.msgdef.data) for each in reader.connections
-                    if each.msgdef.format == MessageDefinitionFormat.MSG]
-    except Exception:  # noqa: BLE001  (a damaged bag; rosbags has no common error)
-        return []
-
-
-def _installed(kind: str) -> list[tuple[str, str]]:
-    """Return the definitions of the package of a type."""
-    package = kind.partition('/')[0]
-    prefixes = [*os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep), sys.prefix]
-    files = [file for prefix in filter(None, prefixes)
-             for file in sorted(Path(prefix, 'share', package, 'msg').glob('*.msg'))]
-    return [(f'{package}/msg/{file.stem}', file.read_text(encoding='utf-8')) for file in files]

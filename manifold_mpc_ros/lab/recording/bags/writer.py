@@ -9,7 +9,7 @@ import os
 import shutil
 import sqlite3
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Literal
@@ -17,8 +17,6 @@ from typing import Literal
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, WriterError
 from rosbags.rosbag2.metadata import parse_qos
-from rosbags.typesys import Stores, get_typestore
-from rosbags.typesys.store import Typestore
 
 from manifold_mpc_ros.errors import BagError
 from manifold_mpc_ros.lab.recording.bags.contents import (
@@ -34,6 +32,7 @@ from manifold_mpc_ros.lab.recording.bags.contents import (
     RawMessage,
     RunDescription,
 )
+from manifold_mpc_ros.lab.recording.bags.definitions import learn, standard_types
 from manifold_mpc_ros.lab.recording.bags.storage import RecordingSqlite3, RecordingWriter
 
 STORAGES = {'mcap': StoragePlugin.MCAP, 'sqlite3': StoragePlugin.SQLITE3}
@@ -69,7 +68,7 @@ class BagWriter:
         self.path = path
         self._checksums = Checksums()
         self._connections: dict[str, Connection] = {}
-        self._typestore: Typestore = get_typestore(Stores.ROS2_JAZZY)
+        self._typestore = standard_types()
         self._full = False
         self.count = self._latest_ns = 0
         with self._explained():
@@ -95,14 +94,20 @@ class BagWriter:
         return frozenset(self._connections)
 
     def knows(self, kind: str) -> bool:
-        """Say whether the definition of a type is at hand."""
-        return kind in self._typestore.fielddefs
+        """Say whether the definition of a type is ROS's own, or in an installed package."""
+        return learn(self._typestore, kind)
+
+    def require(self, kinds: Iterable[str]) -> None:
+        """Raise BagError unless the definitions of types are at hand."""
+        for kind in kinds:
+            if not self.knows(kind):
+                package = kind.partition('/')[0]
+                raise BagError(f'{self.path}: the definition of {kind} is not among those of ROS '
+                               f'2 Jazzy, nor in share/{package}/msg below AMENT_PREFIX_PATH')
 
     def add_topic(self, topic: BagTopic) -> None:
-        """Add a topic, its definition taken from the standard messages of ROS 2 Jazzy."""
-        if not self.knows(topic.kind):
-            raise BagError(f'{self.path}: {topic.name} has the type {topic.kind}, whose '
-                           'definition is not among the standard ones of ROS 2 Jazzy')
+        """Add a topic, with the definition of its type."""
+        self.require([topic.kind])
         definition, _ = self._typestore.generate_msgdef(topic.kind, ros_version=2)
         type_hash = topic.type_hash or self._typestore.hash_rihs01(topic.kind)
         with self._explained():

@@ -18,7 +18,12 @@ from manifold_mpc_ros.errors import BagError
 from manifold_mpc_ros.lab.recording.bags.contents import BagTopic, RawMessage, stamp_ns_of
 from manifold_mpc_ros.lab.recording.bags.writer import BagWriter
 from manifold_mpc_ros.lab.recording.nodes.listener import Listener
-from manifold_mpc_ros.lab.recording.nodes.raw import message_class, qos_mapping
+from manifold_mpc_ros.lab.recording.nodes.raw import (
+    StampReader,
+    leading_stamp,
+    message_class,
+    qos_mapping,
+)
 
 NODE_NAME = 'bag_recorder'
 #: The graph is looked at for new topics, and the bag brought onto the disk, so often [s].
@@ -59,17 +64,23 @@ class BagRecorder(Listener):
         Type by name of the topics that are there from the start and whose stamps count.
     others
         Type by name of the other topics that are there from the start.
+    stamp_readers
+        What reads the stamps of a topic; of the others messages begin with a header.
+    use_sim_time
+        Whether time of receipt is that of ``/clock``, 0 before it begins.
 
     """
 
     def __init__(
         self, domain_id: int, writer: BagWriter, stamped: Mapping[str, str],
-        others: Mapping[str, str],
+        others: Mapping[str, str], stamp_readers: Mapping[str, StampReader] | None = None,
+        *, use_sim_time: bool = False,
     ) -> None:
         """Join the domain and subscribe to what is expected."""
         super().__init__(NODE_NAME, domain_id)
         self._writer = writer
-        self._stamped = frozenset(stamped)
+        self._stamp_readers = {**dict.fromkeys(stamped, leading_stamp), **(stamp_readers or {})}
+        self._clock_ns = 0 if use_sim_time else None
         self._waiting: list[RawMessage] | None = []
         self._kinds: dict[str, str] = {}
         self._counts: dict[str, TopicCount] = {}
@@ -101,7 +112,8 @@ class BagRecorder(Listener):
         """
         waiting, self._waiting = self._waiting or [], None
         for message in waiting:
-            if message.topic not in self._stamped or stamp_ns_of(message.data) >= first_stamp_ns:
+            stamp_of = self._stamp_readers.get(message.topic)
+            if stamp_of is None or stamp_of(message.data, message.received_ns) >= first_stamp_ns:
                 self._write(message)
 
     def tend(self) -> None:
@@ -117,7 +129,7 @@ class BagRecorder(Listener):
     def lost(self) -> dict[str, int]:
         """Return how many messages of the stamped topics were missed, by topic."""
         return {name: count.lost for name, count in sorted(self._counts.items())
-                if name in self._stamped and count.lost}
+                if name in self._stamp_readers and count.lost}
 
     def look(self) -> None:
         """Subscribe to topics that are new, now and then."""
@@ -158,15 +170,18 @@ class BagRecorder(Listener):
         count.received += 1
         count.latest_sequence = max(count.latest_sequence,
                                     info.get('publication_sequence_number') or 0)
-        if name in self._stamped:
-            stamp_ns = stamp_ns_of(data)
+        received_ns = info.get('received_timestamp') or time.time_ns()
+        if name in self._stamp_readers:
+            time_ns = received_ns if self._clock_ns is None else self._clock_ns
+            stamp_ns = self._stamp_readers[name](data, time_ns)
             count.first_stamp_ns = count.first_stamp_ns or stamp_ns
             count.latest_stamp_ns = max(count.latest_stamp_ns, stamp_ns)
             if self.end_stamp_ns is not None and stamp_ns > self.end_stamp_ns:
                 return
         elif name == '/diagnostics':
             self._note_diagnostics(data)
-        received_ns = info.get('received_timestamp') or time.time_ns()
+        elif name == '/clock' and self._clock_ns is not None:
+            self._clock_ns = stamp_ns_of(data)
         message = RawMessage(
             name, received_ns, info.get('source_timestamp') or received_ns, data)
         if self._waiting is None:

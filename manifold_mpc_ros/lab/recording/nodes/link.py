@@ -10,8 +10,7 @@ from collections import deque
 import numpy as np
 from rclpy.node import Node
 
-from manifold_mpc_ros.lab.recording.bags.contents import stamp_ns_of
-from manifold_mpc_ros.lab.recording.nodes.raw import DEEP_QOS
+from manifold_mpc_ros.lab.recording.nodes.raw import DEEP_QOS, StampReader
 from manifold_mpc_ros.lab.recording.scenarios.parts import LinkFault
 
 
@@ -26,22 +25,24 @@ class Link:
     node
         What the link belongs to; its executor brings the messages, `poll` the late ones.
     kind
-        Class of the messages, which begin with a header.
+        Class of the messages.
     source, target
         Names of the topics.
     fault
         What goes wrong.
     wall_per_s
         Wall clock in one second of simulated time, in which the delay is given [s].
+    stamp_of
+        Reads the stamp of a message.
 
     """
 
     def __init__(
         self, node: Node, kind: type, source: str, target: str, fault: LinkFault,
-        wall_per_s: float,
+        wall_per_s: float, stamp_of: StampReader,
     ) -> None:
         """Subscribe and advertise."""
-        self._fault = fault
+        self._fault, self._stamp_of = fault, stamp_of
         self._delay_s = fault.delay_s * wall_per_s
         self._draws = np.random.default_rng(fault.seed)
         self._waiting: deque[tuple[float, int, bytes]] = deque()
@@ -57,7 +58,8 @@ class Link:
         if self._draws.random() < self._fault.drop_probability:
             self.lost += 1
             return
-        self._waiting.append((time.monotonic() + self._delay_s, stamp_ns_of(data), data))
+        self._waiting.append(
+            (time.monotonic() + self._delay_s, self._stamp_of(data, 0), data))
         self.poll()
 
     def poll(self) -> None:

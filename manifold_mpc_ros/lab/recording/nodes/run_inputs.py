@@ -7,13 +7,16 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 
-from geometry_msgs.msg import Quaternion, QuaternionStamped, Vector3, Vector3Stamped
+from geometry_msgs.msg import Vector3, Vector3Stamped
 
+from manifold_mpc_ros.config.description import Part
+from manifold_mpc_ros.control.described.conversions import write_attitude
+from manifold_mpc_ros.control.described.state_writer import write_part
 from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.lab.recording.nodes.bag_recorder import BagRecorder
 from manifold_mpc_ros.lab.recording.nodes.link import Link
 from manifold_mpc_ros.lab.recording.nodes.listener import LOOK_S, Watch
-from manifold_mpc_ros.lab.recording.nodes.raw import DEEP_QOS, message_class
+from manifold_mpc_ros.lab.recording.nodes.raw import DEEP_QOS, StampReader, message_class
 from manifold_mpc_ros.lab.recording.scenarios.parts import LinkFault, Setpoint
 from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.simulator.node import SIMULATED_EPOCH_NS
@@ -37,37 +40,42 @@ class RunInputs:
     setpoints
         In the order of time.
     links
-        By source: target, type and fault of each link.
+        By source: target, type and fault of each link, and what reads the stamps.
     state_topic
         The source of the link that lockstep holds back.
     lockstep, wall_clock, wall_per_s
         How time goes; wall clock in a second of simulated time [s].
-    inertial_frame_id
-        The frame of setpoints.
+    frames
+        Of the inertial axes and of the body.
+    setpoint
+        How commanded attitudes are said.
 
     """
 
     def __init__(
         self, recorder: BagRecorder, setpoints: Sequence[Setpoint],
-        links: Mapping[str, tuple[str, str, LinkFault]], state_topic: str, *,
-        lockstep: bool, wall_clock: bool, wall_per_s: float, inertial_frame_id: str,
+        links: Mapping[str, tuple[str, str, LinkFault, StampReader]], state_topic: str, *,
+        lockstep: bool, wall_clock: bool, wall_per_s: float, frames: tuple[str, str],
+        setpoint: Part,
     ) -> None:
         """Make publishers and links."""
         self._recorder = recorder
         self._setpoints = list(setpoints)
         self._lockstep = lockstep
-        self._frame = inertial_frame_id
+        self._frames, self._described = frames, setpoint
         self._epoch_ns: int | None = None if wall_clock else SIMULATED_EPOCH_NS
         self._counted_before = 0
         self._published_s: float | None = None
         node = recorder.node
-        self._attitude = node.create_publisher(QuaternionStamped, '/attitude_setpoint', DEEP_QOS)
+        self._kind = message_class(setpoint.message_type)
+        self._attitude = node.create_publisher(self._kind, setpoint.topic, DEEP_QOS)
         self._direction = node.create_publisher(Vector3Stamped, '/direction_setpoint', DEEP_QOS)
         self._links: dict[str, Link] = {}
-        for source, (target, kind, fault) in links.items():
+        for source, (target, kind, fault, stamp_of) in links.items():
             message = message_class(kind)
             assert message is not None
-            self._links[source] = Link(node, message, source, target, fault, wall_per_s)
+            self._links[source] = Link(
+                node, message, source, target, fault, wall_per_s, stamp_of)
         self._gate = self._links.get(state_topic)
 
     @property
@@ -133,16 +141,19 @@ class RunInputs:
 
     def _publish(self, setpoint: Setpoint) -> None:
         """Publish one setpoint."""
-        stamp = messages.to_stamp(self._stamp_ns(setpoint))
+        stamp_ns = self._stamp_ns(setpoint)
         if setpoint.attitude_xyzw is not None:
             x, y, z, w = map(float, setpoint.attitude_xyzw)
-            attitude = QuaternionStamped(quaternion=Quaternion(x=x, y=y, z=z, w=w))
-            attitude.header.stamp, attitude.header.frame_id = stamp, self._frame
+            assert self._kind is not None
+            attitude = self._kind()
+            write_part(self._described, attitude, stamp_ns, write_attitude(
+                self._described.convention, (x, y, z, w)), self._frames)
             self._attitude.publish(attitude)
         elif setpoint.direction_N is not None:
             x, y, z = map(float, setpoint.direction_N)
             direction = Vector3Stamped(vector=Vector3(x=x, y=y, z=z))
-            direction.header.stamp, direction.header.frame_id = stamp, self._frame
+            direction.header.stamp = messages.to_stamp(stamp_ns)
+            direction.header.frame_id = self._frames[0]
             self._direction.publish(direction)
 
     def _stamp_ns(self, setpoint: Setpoint) -> int:

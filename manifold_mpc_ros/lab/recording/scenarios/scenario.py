@@ -12,6 +12,7 @@ from typing import Any
 
 from manifold_mpc_ros.config.control_law import SimulatorConfig
 from manifold_mpc_ros.config.controller import ControllerConfig
+from manifold_mpc_ros.config.description import SHIPPED_STATES, is_shipped_state
 from manifold_mpc_ros.config.parameter import Value, resolve_parameters
 from manifold_mpc_ros.config.tables import CONTROLLER_PARAMETERS, SIMULATOR_PARAMETERS
 from manifold_mpc_ros.config.yaml_file import parse_mapping, read_text
@@ -35,6 +36,11 @@ from manifold_mpc_ros.lab.recording.scenarios.parts import (
 DECIDED_BY_TIME = dict.fromkeys((
     'lockstep', 'autostart', 'timing.publish_clock', 'timing.real_time_factor', 'use_sim_time',
 ), 'time.mode')
+#: The simulator speaks as the controller does.
+DECIDED_AT_SIMULATOR = {
+    **DECIDED_BY_TIME, 'state_sinks': 'controller.state_source',
+    'command_source': 'controller.command_sink',
+    'full_scale_torque_n_m': 'controller.full_scale_torque_n_m'}
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +87,7 @@ class Scenario:
                 DECIDED_BY_TIME),
             simulator=parameter_changes(
                 'simulator', SIMULATOR_PARAMETERS, as_mapping(values.get('simulator')),
-                DECIDED_BY_TIME),
+                DECIDED_AT_SIMULATOR),
             setpoints=setpoints_from(values.get('setpoints')),
             time_mode=time.get('mode', 'lockstep'), clock_factor=time.get('factor', 1.0),
             faults=Faults.from_mapping(as_mapping(values.get('faults'))),
@@ -104,9 +110,14 @@ class Scenario:
     @property
     def simulator_parameters(self) -> dict[str, Value]:
         """Every parameter of the simulator by name, those of ``time`` included."""
-        clock = self.time_mode == 'clock'
+        clock, controller = self.time_mode == 'clock', self.controller_parameters
+        source = str(controller['state_source'])
         changed = {
-            **self.simulator, 'lockstep': self.lockstep, 'autostart': False,
+            **self.simulator,
+            'state_sinks': [*SHIPPED_STATES] if is_shipped_state(source) else [source],
+            'command_source': controller['command_sink'],
+            'full_scale_torque_n_m': controller['full_scale_torque_n_m'],
+            'lockstep': self.lockstep, 'autostart': False,
             'timing.publish_clock': clock,
             'timing.real_time_factor': self.clock_factor if clock else 1.0}
         return resolve_parameters(SIMULATOR_PARAMETERS, changed, complete=False)
