@@ -46,6 +46,19 @@ class BagError(ManifoldMpcError):
     """A bag that cannot be written or read; the message names the file and says why."""
 
 
+#: How to get what flies needs, by the name of the import.
+_INSTALL = {
+    'casadi': 'pip install casadi (neither ROS nor Debian has a package of it)',
+    'numpy': 'python3-numpy', 'scipy': 'python3-scipy', 'yaml': 'python3-yaml',
+    'rclpy': "source ROS 2, or pip install 'manifold_mpc_ros[ros]'"}
+
+
+def missing_package(error: ImportError) -> str:
+    """Say in one line what is not installed; empty for an import that fails for another reason."""
+    package = (error.name or '').partition('.')[0]
+    return f'{package} is not installed: {_INSTALL[package]}' if package in _INSTALL else ''
+
+
 def _short(value: object) -> str:
     """Return ``repr(value)`` on one line, cut at 120 characters."""
     text = ' '.join(repr(value).split())

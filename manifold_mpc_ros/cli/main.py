@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 
 from manifold_mpc_ros.cli.extras import require
 from manifold_mpc_ros.cli.verbs import VERBS
-from manifold_mpc_ros.errors import ManifoldMpcError
+from manifold_mpc_ros.errors import ManifoldMpcError, missing_package
 
 PROGRAM = 'manifold-mpc'
 
@@ -86,19 +86,24 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status; see `_EPILOG` for what it means."""
-    parsed = build_parser().parse_args(arguments)
     try:
+        parsed = build_parser().parse_args(arguments)
         require(parsed.verb, *VERBS[parsed.verb].packages)
         status = int(parsed.run(parsed))
         sys.stdout.flush()
     except ManifoldMpcError as error:
         return _complain(' '.join(str(error).split()))
+    except ModuleNotFoundError as error:
+        if not (missing := missing_package(error)):
+            raise
+        return _complain(missing)
     except BrokenPipeError:
         # The reader of our output has left; the interpreter's own last flush must not fail.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_NOT_ACHIEVED
     except OSError as error:
-        return _complain(f'{error.filename or parsed.verb}: {error.strerror or error}')
+        where = f'{error.filename}: ' if error.filename else ''
+        return _complain(f'{where}{error.strerror or error}')
     except KeyboardInterrupt:
         print(f'{PROGRAM}: interrupted', file=sys.stderr)
         return EXIT_INTERRUPTED

@@ -18,7 +18,7 @@ from types import FrameType
 from typing import TYPE_CHECKING
 
 from manifold_mpc_ros.config.yaml_file import applies, sections_of
-from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.errors import ConfigurationError, missing_package
 from manifold_mpc_ros.nodes.log_folder import NO_LOG_FILE, why_no_log_file
 from manifold_mpc_ros.nodes.security import demand_keystore
 from manifold_mpc_ros.nodes.usage import Arguments, Program, parse_arguments
@@ -92,26 +92,26 @@ def _run_checked(
         return _fail(program, error)
     try:
         import rclpy
+        module, _, name = node_class.partition(':')
+        factory = getattr(importlib.import_module(module), name)
     except ImportError as error:
-        return _fail(program, f'ROS 2 is not available ({error})')
+        return _fail(program, missing_package(error) or error)
     try:
-        return _run_with_ros(program, node_class, arguments, sections, stop)
+        return _run_with_ros(program, factory, arguments, sections, stop)
     finally:
         stop.heeded()
         rclpy.try_shutdown()
 
 
 def _run_with_ros(
-    program: Program, node_class: str, arguments: Arguments, sections: Mapping[str, list[str]],
-    stop: StopRequest,
+    program: Program, factory: type[ManagedNode], arguments: Arguments,
+    sections: Mapping[str, list[str]], stop: StopRequest,
 ) -> int:
     """Initialise ROS, start the node, spin until the end; ``sections``: of each parameter file."""
     import rclpy
     from rclpy.exceptions import NameValidationException, ParameterException
     from rclpy.signals import SignalHandlerOptions
 
-    module, _, name = node_class.partition(':')
-    factory = getattr(importlib.import_module(module), name)
     try:
         no_log_file = why_no_log_file(os.environ)
         more = NO_LOG_FILE if no_log_file else ()

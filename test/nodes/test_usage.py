@@ -57,3 +57,20 @@ def test_the_module_runs_and_knows_its_name(module: str) -> None:
         capture_output=True, text=True, check=False, timeout=60)
     assert done.returncode == 2
     assert f'{module}: error: unrecognized arguments: --unknown' in done.stderr
+
+
+@pytest.mark.parametrize(('package', 'module', 'words', 'status'), [
+    ('casadi', 'nodes.controller.main', (), 1), ('rclpy', 'nodes.markers.main', (), 1),
+    ('casadi', 'cli.main', ('simulate',), 2)])
+def test_a_package_that_is_missing_is_named_in_one_line(
+    package: str, module: str, words: tuple[str, ...], status: int,
+) -> None:
+    pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
+    run = (f'import sys; sys.modules[{package!r}] = None\n'
+           f'from manifold_mpc_ros.{module} import main\nsys.exit(main({list(words)}))')
+    done = subprocess.run([sys.executable, '-c', run],
+                          capture_output=True, text=True, check=False, timeout=60)
+    assert (done.returncode, done.stdout) == (status, '')
+    assert f'{package} is not installed: ' in done.stderr
+    assert 'pip install' in done.stderr
+    assert done.stderr.count('\n') == 1
