@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.control.command import Law
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample
@@ -64,6 +66,12 @@ class Anticipation:
         """The delay that plans are made for [ns]."""
         law = self._law
         return _ns(law.actuation_delay_s if law.observer is None else law.observer.delay.delay_s)
+
+    @property
+    def known_disturbance_B_n_m(self) -> FloatArray:
+        """The torque that acts unasked, zero where nobody looks for one."""
+        known = self.disturbance_B_n_m
+        return np.zeros(3) if known is None else known
 
     def state_when_acting(
         self, sample: StateSample, time_ns: int, age_ns: int,

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
@@ -60,3 +60,17 @@ class Law:
     motion: MotionBounds | None = None
     observer: ResponseObserver | None = None
     largest_steady_error_rad: float = math.inf
+
+    def judged(self, command: Command, time_s: float, delay_s: float) -> Command:
+        """Return the command of a tick at ``time_s`` with what the monitor says about it.
+
+        Its torque acts ``delay_s`` after the tick.
+        """
+        if self.monitor is None:
+            return command
+        solution, nominal = command.solution, command.mode is Mode.NOMINAL
+        applied = (solution is not None and nominal
+                   and command.actuation.realises(solution.torque_B_n_m))
+        return replace(command, decrease=self.monitor.observe(
+            solution, time_s=time_s, delay_s=delay_s, applied=applied,
+            why_none='' if nominal else command.reason))

@@ -18,7 +18,7 @@ from manifold_mpc_ros.control.actuator import Actuation, Actuator, TorqueActuato
 from manifold_mpc_ros.control.anticipation import Anticipation
 from manifold_mpc_ros.control.command import Command, Law
 from manifold_mpc_ros.control.fallback_law import FallbackLaw
-from manifold_mpc_ros.control.held_plan import HeldPlan, Offer
+from manifold_mpc_ros.control.held_plan import HeldPlan, Offer, facts_of
 from manifold_mpc_ros.control.input_gate import (
     NANOSECONDS,
     RawState,
@@ -38,6 +38,8 @@ from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 
 #: Where a torque comes from, by mode; the others command zero.
 _SOURCES = {Mode.NOMINAL: 'mpc', Mode.HOLD: 'plan', Mode.FALLBACK: 'fallback'}
+#: A direction that moved by more than this between two messages jumped [rad].
+DIRECTION_JUMP_RAD = 1e-3
 #: From these the torque comes back to the optimiser's gradually.
 _RETURNS = frozenset({Mode.FALLBACK, Mode.COAST, Mode.FAULT})
 
@@ -155,6 +157,14 @@ class ControlLoop:
         self.target = target
         self.commanded = True
 
+    def direct(self, name: str, direction_N: FloatArray) -> None:
+        """Take the unit direction (3,) of a cone; plans before one that jumps bound no value."""
+        jump = float(np.linalg.norm(direction_N - self.directions_N.get(name, direction_N)))
+        if jump > DIRECTION_JUMP_RAD:
+            self._void('the direction of a cone jumped')
+            self._plan.unbind()
+        self.directions_N = {**self.directions_N, name: direction_N}
+
     def tick(self, at: TickTime) -> Command:
         """Return the command of this tick."""
         late = self._law.solver.late_result()
@@ -180,7 +190,9 @@ class ControlLoop:
         if solution is not None:
             self.plan_watch.see(solution.status, solution.solve_time_s)
         self.steady_error.see(sample, self.target, reduced=decision.mode in _SOURCES)
-        judged = self._judged(command, at)
+        judged = self._law.judged(
+            command, at.time_ns(sample) / NANOSECONDS,
+            0.0 if solution is None else at.delay_s(solution.solve_time_s))
         self.logic.succeed()
         return judged
 
@@ -218,16 +230,18 @@ class ControlLoop:
             time_ns, R_NB, omega_BN_B, self.target.at(acting_ns)[0], self._cold, self._epoch,
             self._ahead.disturbance_B_n_m, self.directions_N, self.output.devices,
             self.target.over_horizon(acting_ns, config.step_s, config.horizon)))
-        if result is None:
-            return Facts(age_ns, SolveOutcome.NONE, detail='the solver is late'), None
-        offer, solution = self._offer(result), result.solution
-        if solution is None:
-            return Facts(age_ns, SolveOutcome.NONE,
-                         detail=f'the solver failed: {result.error}'), None
-        status = f'solver: {SolveStatus(solution.status).value}'
-        if offer is Offer.STORED:
-            return Facts(age_ns, SolveOutcome.USABLE, detail=status), solution
-        return Facts(age_ns, SolveOutcome.NONE, detail=f'{status}, {offer.value}'), solution
+        offer = Offer.INVALID if result is None else self._offer(result)
+        facts = facts_of(age_ns, result, offer)
+        solution = None if result is None else result.solution
+        held_B_n_m, usable = self._plan.torque(time_ns), facts.outcome is SolveOutcome.USABLE
+        sure = usable and solution is not None and solution.status is not SolveStatus.INFEASIBLE
+        if held_B_n_m is None or sure or self._fallback.allows(
+                R_NB, omega_BN_B, held_B_n_m + self._ahead.known_disturbance_B_n_m,
+                self.directions_N, inside=usable):
+            return facts, solution
+        self._plan.drop()
+        detail = f'{facts.detail}; after its torque the body could not stop clear of the cones'
+        return replace(facts, outcome=SolveOutcome.NONE, detail=detail), solution
 
     def _offer(self, result: SolveResult) -> Offer:
         """Store the plan of a result if it is better; return what became of it."""
@@ -247,7 +261,7 @@ class ControlLoop:
         self._fallback.reset()
         if mode not in (Mode.NOMINAL, Mode.HOLD):
             return self.output.zero()
-        if self._mode in _RETURNS:
+        if self._mode in _RETURNS and not self._law.config.cones:  # a plan as it is keeps them
             self.output.slew()
         assert held_B_n_m is not None
         return self.output.let_through(held_B_n_m)
@@ -261,22 +275,9 @@ class ControlLoop:
         except StepExistenceError:
             state = self.sample.R_NB, self.sample.omega_BN_B
         self.output.observe(state[1])
-        torque_B_n_m = self._fallback.torque(*state, self.target.at(time_ns)[0])
-        disturbance = self._ahead.disturbance_B_n_m
-        return torque_B_n_m if disturbance is None else torque_B_n_m - disturbance
-
-    def _judged(self, command: Command, at: TickTime) -> Command:
-        """Return the command with what the monitor says about the tick."""
-        monitor = self._law.monitor
-        if monitor is None:
-            return command
-        solution, nominal = command.solution, command.mode is Mode.NOMINAL
-        applied = (solution is not None and nominal
-                   and command.actuation.realises(solution.torque_B_n_m))
-        return replace(command, decrease=monitor.observe(
-            solution, time_s=at.time_ns(self.sample) / NANOSECONDS,
-            delay_s=0.0 if solution is None else at.delay_s(solution.solve_time_s),
-            applied=applied, why_none='' if nominal else command.reason))
+        torque_B_n_m = self._fallback.torque(
+            *state, self.target.at(time_ns)[0], self.directions_N)
+        return torque_B_n_m - self._ahead.known_disturbance_B_n_m
 
     def _flush(self, why: str) -> None:
         """Forget plan and warm start, and end the bound on the next value."""

@@ -17,23 +17,26 @@ for every state: no gain, limit or body makes it unstable in continuous time, an
 axis at least critically. From rest the kinetic energy stays below 4 k, so with rate ellipsoids k
 is at most a quarter of the largest energy that keeps them; a rate box does not bound it. Above the
 existence guard of the implicit step, ``h |J omega| >= lambda_min(J)``, all of the torque brakes:
-tau = -J omega / (4 h), scaled into the whole limits.
+tau = -J omega / (4 h), scaled into the whole limits. Below it `ConeGuard` has the last word where
+there are cones.
 """
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.rate_limits import RateEllipsoid
 from manifold_mpc_ros.control.actuator import scaled_into
+from manifold_mpc_ros.control.cone_guard import BRAKING_STEPS, ConeGuard
 from manifold_mpc_ros.dynamics.inertia import existence_guard
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.lie.arrays import Array
 
-#: The time constants of turning and of braking, in control steps.
+#: The time constant of turning, in control steps.
 TURNING_STEPS = 8.0
-BRAKING_STEPS = 4.0
 #: Part of the smallest torque limit that the attitude may use; the rest brakes.
 ATTITUDE_SHARE = 0.5
 #: Within this of 180 degrees the side of the turn is kept from call to call [rad].
@@ -58,24 +61,42 @@ class FallbackLaw:
         self._damping = 2.0 * np.sqrt(self._stiffness_n_m / self._smallest) * self._inertia
         self._braking = self._inertia / (BRAKING_STEPS * config.step_s)
         self._axis_B = None if config.target == 'attitude' else config.pointing_axis_B
+        self._guard = ConeGuard(config) if config.cones else None
         self.reset()
 
     def reset(self) -> None:
-        """Forget the side of the turn."""
+        """Forget the side of the turn, and the stop that was begun."""
         self._side_B: Array | None = None
+        if self._guard is not None:
+            self._guard.reset()
 
     def beyond_guard(self, omega_BN_B: Array) -> bool:
         """Return whether the implicit step is not guaranteed at this body rate [rad/s]."""
         momentum = self._step_s * self._inertia @ omega_BN_B
         return not float(np.linalg.norm(momentum)) < self._smallest
 
-    def torque(self, R_NB: Array, omega_BN_B: Array, R_ND: Array) -> Array:
-        """Map a finite state and the commanded attitude to a torque (3,) [N m] in the limits."""
+    def allows(self, R_NB: Array, omega_BN_B: Array, torque_B_n_m: Array,
+               directions_N: Mapping[str, Array], *, inside: bool) -> bool:
+        """Return whether this law can still keep every cone after a step of a torque.
+
+        ``inside`` is what counts where a cone is violated already.
+        """
+        return self._guard is None or self._guard.allows(
+            R_NB, omega_BN_B, torque_B_n_m, directions_N, inside=inside)
+
+    def torque(self, R_NB: Array, omega_BN_B: Array, R_ND: Array,
+               directions_N: Mapping[str, Array] | None = None) -> Array:
+        """Map a finite state and the commanded attitude to a torque (3,) [N m] in the limits.
+
+        ``directions_N`` (3,) stand in for those of cones, by name.
+        """
         if self.beyond_guard(omega_BN_B):
             return -scaled_into(self._braking @ omega_BN_B, self._limit)
         turn = -self._stiffness_n_m * self._error_B(R_NB, R_ND)
-        return turn - scaled_into(
+        torque = turn - scaled_into(
             self._damping @ omega_BN_B, (1.0 - ATTITUDE_SHARE) * self._limit)
+        return torque if self._guard is None else self._guard.keep(
+            R_NB, omega_BN_B, torque, directions_N or {})
 
     def _error_B(self, R_NB: Array, R_ND: Array) -> Array:
         """Return 2 sin(theta/2) a; near 180 degrees on the side of the last call."""

@@ -4,13 +4,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Protocol
 
 import numpy as np
 
-from manifold_mpc_ros.control.modes import LONGEST_HOLD_TICKS
+from manifold_mpc_ros.control.modes import LONGEST_HOLD_TICKS, Facts, SolveOutcome
+from manifold_mpc_ros.control.solver_thread import SolveResult
 from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 
@@ -62,6 +63,11 @@ class HeldPlan:
         """Forget the plan."""
         self._kept: _Kept | None = None
 
+    def unbind(self) -> None:
+        """Let the stored plan, which is still followed, bound no value: its goal is another."""
+        if self._kept is not None:
+            self._kept = replace(self._kept, R_ND=np.full((3, 3), np.nan))
+
     def keep(self, plan: Torques, time_ns: int, R_ND: Array) -> None:
         """Store a plan whose first torque is meant for ``time_ns`` [ns]."""
         self._kept = _Kept(plan, time_ns, R_ND)
@@ -110,3 +116,14 @@ def is_valid(solution: AttitudeMpcSolution) -> bool:
     return (solution.status is not SolveStatus.FAILED
             and bool(np.isfinite(solution.torque_B_n_m).all())
             and bool(np.isfinite(solution.torques_B_n_m).all()))
+
+
+def facts_of(age_ns: int, result: SolveResult | None, offer: Offer) -> Facts:
+    """Return what a request to the solver came to; no result when the solver is late."""
+    if result is None or result.solution is None:
+        detail = 'the solver is late' if result is None else f'the solver failed: {result.error}'
+        return Facts(age_ns, SolveOutcome.NONE, detail=detail)
+    status = f'solver: {SolveStatus(result.solution.status).value}'
+    if offer is Offer.STORED:
+        return Facts(age_ns, SolveOutcome.USABLE, detail=status)
+    return Facts(age_ns, SolveOutcome.NONE, detail=f'{status}, {offer.value}')

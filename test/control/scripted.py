@@ -52,8 +52,9 @@ class Script:
         self, R_NB: np.ndarray, omega_BN_B: np.ndarray, R_ND: np.ndarray | None = None, *,
         disturbance_B_n_m: np.ndarray | None = None, max_solve_time_s: float | None = None,
         wheel_momentum_n_m_s: np.ndarray | None = None,
+        directions_N: dict[str, np.ndarray] | None = None,
     ) -> AttitudeMpcSolution:
-        self.budget_s = max_solve_time_s
+        self.budget_s, self.directions_N = max_solve_time_s, directions_N
         self.disturbance, self.momentum = disturbance_B_n_m, wheel_momentum_n_m_s
         if self.error is not None:
             raise self.error

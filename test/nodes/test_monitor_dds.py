@@ -168,7 +168,7 @@ def test_a_state_outside_the_domain_of_attraction_is_a_warning_until_inside(rig:
     ticks = by_tick(diagnostics)
     level, message, values = ticks[1]
     assert level == DiagnosticStatus.WARN
-    assert 'no plan keeps the rate limits and reaches the terminal set' in message
+    assert 'no plan keeps every limit and reaches the terminal set' in message
     assert values['in_domain_of_attraction'] == 'false'
     inside = [tick for tick in ticks if ticks[tick][2]['in_domain_of_attraction'] == 'true']
     assert inside

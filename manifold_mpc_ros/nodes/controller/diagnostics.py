@@ -121,7 +121,7 @@ def _add_decrease(status: Status, command: Command) -> None:
         ticks_outside_domain=record.counters.outside_domain)
     if record.in_domain is False and command.solution is not None:
         status.level = max(status.level, DiagnosticStatus.WARN)
-        status.message += ' (no plan keeps the rate limits and reaches the terminal set)'
+        status.message += ' (no plan keeps every limit and reaches the terminal set)'
     if record.warning:
         status.level = max(status.level, DiagnosticStatus.WARN)
         before = '' if command.mode is Mode.NOMINAL else f'{status.message}; '

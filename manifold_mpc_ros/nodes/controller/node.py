@@ -173,6 +173,7 @@ class AttitudeControllerNode(ManagedNode):
             self.get_logger().error(f'the old parameters stay: {news}')
         elif news is not None:
             self._config, law = news
+            self._cones.config = self._config
             if law.monitor is not None and self._law.monitor is not None:
                 law.monitor.counters = self._law.monitor.counters
             self._loop.exchange(law)
