@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from manifold_mpc_ros.config import checks as checks
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.parameter import ParameterSpec, Value
+from manifold_mpc_ros.lie.arrays import Array
 
 EARTH_GM_M3_S2 = 3.986004418e14
 EARTH_RADIUS_M = 6378137.0
@@ -71,7 +71,7 @@ class CircularOrbit:
         """Mean motion ``sqrt(GM / r^3)`` [rad/s]."""
         return math.sqrt(EARTH_GM_M3_S2 / self.radius_m ** 3)
 
-    def position_N_m(self, time_s: float) -> FloatArray:
+    def position_N_m(self, time_s: float) -> Array:
         """Return the place (3,) at a time: ``r (cos u p + sin u q)``, u = phase + rate time [m].
 
         p points to the ascending node, q at right angles in the orbit's plane.

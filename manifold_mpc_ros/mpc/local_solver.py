@@ -16,7 +16,6 @@ from typing import NamedTuple
 import numpy as np
 
 from manifold_mpc_ros.config.cones import Cone
-from manifold_mpc_ros.config.wheels import WheelArray
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.lanes import aligned, blocks, copied, field_of
@@ -35,7 +34,7 @@ from manifold_mpc_ros.mpc.stages.inequalities import (
 )
 from manifold_mpc_ros.mpc.stages.reference import REFERENCE
 from manifold_mpc_ros.mpc.stages.torque_box import ShiftedTorqueBox
-from manifold_mpc_ros.mpc.stages.wheel_limits import TOTAL
+from manifold_mpc_ros.mpc.stages.wheel_limits import TOTAL, Wheels
 
 # A slack below this is one of an inequality that holds the plan back.
 _TOUCHED = 1e-4
@@ -236,12 +235,11 @@ class LocalSolver:
             if isinstance(each, ShiftedTorqueBox):
                 self._global(each.data)[3:] = disturbance
 
-    def set_wheels(self, wheels: WheelArray, total: Array, external_B: Array, taken_B: Array,
-                   unit: Scaling) -> None:
-        """Set what wheels give and store, and the momentum of body and wheels, target's axes."""
-        self._global(TOTAL)[:] = total / (unit.torque_n_m * unit.time_s)
+    def set_wheels(self, now: Wheels, unit: Scaling) -> None:
+        """Set what wheels give and store, and the momentum of body and wheels."""
+        self._global(TOTAL)[:] = now.total_D / (unit.torque_n_m * unit.time_s)
         for each in wheel_inequalities(self.structure):
-            self._global(each.data)[:] = each.numbers_of(wheels, external_B, taken_B, unit)
+            self._global(each.data)[:] = each.numbers_of(now, unit)
 
     def set_body(self, inertia: Array, torque: Array) -> None:
         """Set the body that `follow` and `advance` move: inertia (3, 3), disturbance (3,)."""

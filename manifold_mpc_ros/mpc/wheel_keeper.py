@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.config.wheels import WheelArray
 from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.local_solver import LocalSolver
 from manifold_mpc_ros.mpc.scaling import scaling_of
+from manifold_mpc_ros.mpc.stages.wheel_limits import Wheels
 from manifold_mpc_ros.terminal.design import TerminalDesign
 
 # What is left of a facet that the momentum at the target is beyond, as a part of its bound.
@@ -53,25 +53,29 @@ class WheelKeeper:
         self.working, momentum = wheels.reported(momentum_n_m_s)
         self.momentum_n_m_s = np.where(np.isnan(momentum), self.momentum_n_m_s, momentum)
         stored = wheels.axes_B.T @ self.momentum_n_m_s
-        total_D = R_ND.T @ R_NB @ (self._config.inertia_kg_m2 @ omega_BN_B + stored)
-        taken = disturbance_B - np.cross(omega_BN_B, stored)
+        now = Wheels(
+            self.working,
+            R_ND.T @ R_NB @ (self._config.inertia_kg_m2 @ omega_BN_B + stored),
+            stored - self.working.matrix @ self.momentum_n_m_s, disturbance_B,
+            disturbance_B - np.cross(omega_BN_B, stored))
         for solver in self._solvers:
-            solver.set_wheels(self.working, total_D, disturbance_B, taken, self._unit)
-        return self._share(self.working, total_D, disturbance_B)
+            solver.set_wheels(now, self._unit)
+        return self._share(now)
 
-    def _share(self, wheels: WheelArray, total_D: Array, disturbance_B: Array) -> float:
+    def _share(self, now: Wheels) -> float:
         """Return the part of c on which the local law keeps the facets of torque and momentum.
 
         With theta, omega and p the largest turn, rate and J omega of the set, docs/theory.md (27),
         ``|n K xi| + omega (|H| + p) <= bound - |n d|`` and ``|n J xi_w| + theta |H| <= bound -
-        |n H|``. For pointing the roll is free, and the momentum of another roll is not promised.
+        |n (H - o)|``. For pointing the roll is free; the momentum of another one is not promised.
         """
-        size = float(np.linalg.norm(total_D))
+        size = float(np.linalg.norm(now.total_D))
         parts = []
         for zonotope, spread, beside, taken in (
-                (wheels.torques, self._torque_spread, self._rate * (size + self._own_n_m_s),
-                 disturbance_B),
-                (wheels.momenta, self._momentum_spread, self._turn * size, total_D)):
+                (now.working.torques, self._torque_spread,
+                 self._rate * (size + self._own_n_m_s), now.external_B),
+                (now.working.momenta, self._momentum_spread, self._turn * size,
+                 now.total_D - now.dead_B)):
             normals, bounds = zonotope.normals, zonotope.bounds
             need = np.sqrt(np.einsum('fi,ij,fj->f', normals, spread, normals)) + beside
             room = np.maximum(bounds - np.abs(normals @ taken), _LEAST_ROOM * bounds)

@@ -42,11 +42,14 @@ def with_wheels() -> AttitudeMpc:
 
 def wheel_use(plan: AttitudeMpcSolution, momentum: np.ndarray, array: WheelArray = ARRAY
               ) -> tuple[float, float]:
-    """Return the largest gauges of motor torque and momentum over a plan, from its states."""
+    """Return the largest gauges of motor torque and momentum over a plan, from its states.
+
+    Momenta of wheels that are not available turn with the body.
+    """
     stored = plan.R_NB[0] @ (INERTIA @ plan.omega_BN_B[0] + array.axes_B.T @ momentum)
     b = np.einsum('kji,j->ki', plan.R_NB, stored) - plan.omega_BN_B @ INERTIA
     return (max(map(array.torques.gauge, np.diff(b, axis=0))),
-            max(map(array.momenta.gauge, b)))
+            max(map(array.momenta.gauge, b - momentum @ (array.axes_B - array.matrix.T))))
 
 
 def half_turns(n: int) -> list[np.ndarray]:
@@ -109,6 +112,20 @@ def test_a_wheel_that_is_not_reported_is_planned_without(with_wheels: AttitudeMp
         assert wheel_use(whole, np.zeros(4), three)[0] > 1.5
         assert plan.wheel_torque_n_m is not None
         assert plan.wheel_torque_n_m[2] == 0.0
+
+
+def test_what_a_dead_wheel_stores_turns_with_the_body() -> None:
+    """The three others have 12 mN m s left for it, and for the body that turns."""
+    failed = np.array([False, False, True, False])
+    mpc, three = make(wheels(max_momentum_n_m_s=1.2e-2), REACH), wheels(
+        max_momentum_n_m_s=1.2e-2).without(failed)
+    R, momentum = half_turns(3)[1], np.array([-3e-3, 2e-3, 11e-3, 0.0])
+    mpc.solve(R, np.zeros(3), wheel_momentum_n_m_s=momentum)
+    mpc.reset()
+    plan = mpc.solve(R, np.zeros(3), wheel_momentum_n_m_s=np.where(failed, np.nan, momentum))
+    torque, stored = wheel_use(plan, momentum, three)
+    assert torque <= 1.0 + 1e-7
+    assert 0.99 < stored <= 1.0 + 1e-7
 
 
 @pytest.mark.parametrize('fails_at', [None, 3, 12])

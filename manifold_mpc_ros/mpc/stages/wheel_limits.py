@@ -19,6 +19,7 @@ and multipliers nu (momentum) and lambda (torque) enter a node's Lagrangian as `
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -55,6 +56,21 @@ _PART = 12
 _LARGEST_OFFSET = 0.8
 
 
+class Wheels(NamedTuple):
+    """Wheels as they are now, (3,) each in SI units.
+
+    ``total_D`` is the momentum of body and wheels in the target's axes, ``dead_B`` what those
+    store that do not work, ``external_B`` the torque from outside, ``taken_B`` that and the
+    gyroscopic one.
+    """
+
+    working: WheelArray
+    total_D: Array
+    dead_B: Array
+    external_B: Array
+    taken_B: Array
+
+
 def _stored(read: Read, node: Node, shift: int) -> ca.SX:
     """Return b (3,) of node k + shift."""
     g = rotation_from_quaternion(node.get(f.ATTITUDE, shift))
@@ -67,9 +83,10 @@ def by_turn(read: Read, shift: int = 0) -> ca.SX:
 
 
 class StoredMomentum(NodeInequality):
-    """``|a_f . b| <= 1`` for each facet f of the momenta that the wheels can store.
+    """``|a_f . (b - o)| <= 1`` for each facet f of the momenta that the wheels can store.
 
-    a_f is its normal over its bound. Values ``+-a_f . b - 1``, upper ones first; data: A (m, 3).
+    a_f is its normal over its bound, o what wheels store that are not available: it turns with the
+    body. Values ``+-a_f . (b - o) - 1``, upper ones first; data: A (m, 3), o (3).
     """
 
     name = 'wheel_momentum'
@@ -89,8 +106,8 @@ class StoredMomentum(NodeInequality):
 
     @property
     def data_size(self) -> int:
-        """Three numbers a pair of facets."""
-        return 3 * self.rows // 2
+        """Three numbers a pair of facets, and the offset."""
+        return 3 * self.rows // 2 + 3
 
     @classmethod
     def rows_in(cls, config: AttitudeMpcConfig) -> int:
@@ -98,20 +115,21 @@ class StoredMomentum(NodeInequality):
         return 0 if config.wheels is None else 2 * len(config.wheels.normals)
 
     def numbers(self, config: AttitudeMpcConfig, unit: Scaling) -> Array:
-        """Return the numbers of the configuration's wheels, nothing acting from outside."""
+        """Return the numbers of the configuration's wheels, at rest and undisturbed."""
         assert config.wheels is not None
-        return self.numbers_of(config.wheels, np.zeros(3), np.zeros(3), unit)
+        rest = np.zeros(3)
+        return self.numbers_of(Wheels(config.wheels, rest, rest, rest, rest), unit)
 
-    def numbers_of(self, wheels: WheelArray, external_B: Array, taken_B: Array, unit: Scaling
-                   ) -> Array:
+    def numbers_of(self, now: Wheels, unit: Scaling) -> Array:
         """Return the dimensionless numbers of an array with as many facets, or fewer."""
-        return self._flat(wheels.momenta, unit.torque_n_m * unit.time_s)
+        return self._flat(now.working.momenta, now.dead_B, unit.torque_n_m * unit.time_s)
 
-    def _flat(self, zonotope: Zonotope, unit: float) -> Array:
-        """Return A, column by column."""
+    def _flat(self, zonotope: Zonotope, offset: Array, unit: float) -> Array:
+        """Return A, column by column, and the offset."""
         facets = zonotope.normals / zonotope.bounds[:, None] * unit
         missing = self.rows // 2 - len(facets)
-        return np.ravel(np.pad(facets, ((0, missing), (0, 0)), 'edge'), order='F')
+        return np.append(np.ravel(np.pad(facets, ((0, missing), (0, 0)), 'edge'), order='F'),
+                         offset / unit)
 
     def products_of(self, slack: ca.SX, elastic: ca.SX) -> ca.SX:
         """Return the products of slacks and elastic parts, part by part."""
@@ -129,8 +147,13 @@ class StoredMomentum(NodeInequality):
         return ca.vertcat(ratio, -ratio)
 
     def output(self, read: Read, node: Node) -> ca.SX:
-        """Return what is limited (3,): b."""
-        return _stored(read, node, 0)
+        """Return what is limited (3,): ``b - o``."""
+        return _stored(read, node, 0) - self._offset(read)
+
+    def _offset(self, read: Read) -> ca.SX:
+        """Return o (3,)."""
+        first = 3 * self.rows // 2
+        return read(self.data)[first:first + 3]
 
     def values(self, read: Read, node: Node) -> ca.SX:
         """Return v (rows,)."""
@@ -160,35 +183,33 @@ class StoredMomentum(NodeInequality):
 
 
 class MotorTorque(StoredMomentum):
-    """``|a_f . (b_k - b_{k-1} + d)| <= 1`` for each facet f of what the motors give together.
+    """``|a_f . (b_k - b_{k-1} - o)| <= 1`` for each facet f of what the motors give together.
 
-    d is the torque that acts from outside, a_f the normal of a facet over its bound. Data: A
-    (m, 3), d (3), and half widths (3) of a box of body torques inside, about zero.
+    -o is the torque that acts from outside, a_f the normal of a facet over its bound. Data: A
+    (m, 3), o (3), and half widths (3) of a box of body torques inside, about zero.
     """
 
     name = 'motor_torque'
 
     @property
     def data_size(self) -> int:
-        """Three numbers a pair of facets, d, the box."""
-        return super().data_size + 6
+        """Three numbers a pair of facets, the offset, the box."""
+        return super().data_size + 3
 
-    def numbers_of(self, wheels: WheelArray, external_B: Array, taken_B: Array, unit: Scaling
-                   ) -> Array:
-        """Return the numbers; the box has room for a torque ``taken`` (3,) beside it [N m]."""
-        torques = wheels.torques
-        part = min(_LARGEST_OFFSET, torques.gauge(taken_B))
-        return np.concatenate([self._flat(torques, unit.torque_n_m),
-                               external_B / unit.torque_n_m,
-                               (1.0 - part) * torques.box / unit.torque_n_m])
+    def numbers_of(self, now: Wheels, unit: Scaling) -> Array:
+        """Return the numbers; the box has room for the torque that is taken now."""
+        torques = now.working.torques
+        part = min(_LARGEST_OFFSET, torques.gauge(now.taken_B))
+        return np.append(self._flat(torques, -now.external_B, unit.torque_n_m),
+                         (1.0 - part) * torques.box / unit.torque_n_m)
 
     def box(self, read: Read) -> ca.SX:
         """Return the half widths (3,)."""
         return read(self.data)[-3:]
 
     def output(self, read: Read, node: Node) -> ca.SX:
-        """Return what is limited (3,): ``b_k - b_{k-1} + d``."""
-        return _stored(read, node, 0) - _stored(read, node, -1) + read(self.data)[-6:-3]
+        """Return what is limited (3,): ``b_k - b_{k-1} - o``."""
+        return _stored(read, node, 0) - _stored(read, node, -1) - self._offset(read)
 
     def slope(self, read: Read, node: Node, step: Variation) -> ca.SX:
         """Return ``dv/dx step`` (rows,)."""
