@@ -60,9 +60,9 @@ class WheelKeeper:
             disturbance_B - np.cross(omega_BN_B, stored))
         for solver in self._solvers:
             solver.set_wheels(now, self._unit)
-        return self._share(now)
+        return self.share(now)
 
-    def _share(self, now: Wheels) -> float:
+    def share(self, now: Wheels) -> float:
         """Return the part of c on which the local law keeps the facets of torque and momentum.
 
         With theta, omega and p the largest turn, rate and J omega of the set, docs/theory.md (27),

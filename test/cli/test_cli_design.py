@@ -117,3 +117,16 @@ def test_the_horizon_is_compared_with_the_configured_one(
     horizon = json.loads((tmp_path / 'design.json').read_text(encoding='utf-8'))['horizon']
     assert (horizon['smallest'], horizon['configured']) == (smallest, 20)
     assert horizon['tried'] == {'4': 0, str(smallest): 132}
+
+
+def test_it_says_what_stored_momentum_costs(
+    command: Command, write_config: Callable[..., Path], tmp_path: Path,
+) -> None:
+    wheeled = write_config('controller', **{'actuators.kind': 'wheels'})
+    status, out, _ = command('design', '--controller-config', wheeled, '--no-horizon',
+                             '--json', tmp_path / 'design.json')
+    assert status == 0
+    assert 'What stored momentum leaves of c' in out
+    shares = json.loads((tmp_path / 'design.json').read_text(encoding='utf-8'))['momentum_shares']
+    assert list(shares) == ['0.0', '0.4', '0.8']
+    assert 1.0 >= shares['0.0'] > shares['0.4'] > shares['0.8'] > 0.0

@@ -69,12 +69,19 @@ def run(arguments: argparse.Namespace) -> int:
     with console.status('Designing the terminal set'):
         design = terminal_design(config)
     _print_design(console, design, config.target)
+    shares = momentum_shares(config, design)
+    if shares:
+        console.print(report.result_table('What stored momentum leaves of c', [
+            (f'{part:.0%} stored', f'{share:.4g} c, at rest inside up to '
+             f'{rest_angle_deg(design, share):.1f} deg') for part, share in shares.items()]))
     horizon = None
     if not arguments.no_horizon:
         horizon = _find_horizon(console, config, design)
         _print_horizon(console, horizon, config)
     if arguments.json is not None:
-        text = json.dumps(as_data(config, design, horizon), indent=2, allow_nan=False)
+        data = as_data(config, design, horizon) | {'momentum_shares': {
+            str(part): share for part, share in shares.items()}}
+        text = json.dumps(data, indent=2, allow_nan=False)
         arguments.json.write_text(text + '\n', encoding='utf-8')
         report.say_written(console, [arguments.json])
     return int(horizon is not None and horizon.smallest > config.horizon)
@@ -158,13 +165,30 @@ def _find_horizon(
             f'Searching the smallest horizon: {line}'))
 
 
-def rest_angle_deg(design: TerminalDesign) -> float:
+def momentum_shares(config: AttitudeMpcConfig, design: TerminalDesign) -> dict[float, float]:
+    """Map parts of what fits into the wheels in every attitude to the parts of c that they leave.
+
+    The momentum is towards the nearest facet. Nothing without wheels.
+    """
+    from manifold_mpc_ros.mpc.stages.wheel_limits import Wheels
+    from manifold_mpc_ros.mpc.wheel_keeper import WheelKeeper
+    if config.wheels is None:
+        return {}
+    keeper, momenta, rest = WheelKeeper(config, design, set()), config.wheels.momenta, np.zeros(3)
+    nearest = int(np.argmin(momenta.bounds))
+    total = momenta.bounds[nearest] * momenta.normals[nearest]
+    return {part: keeper.share(Wheels(config.wheels, part * total, rest, rest, rest))
+            for part in (0.0, 0.4, 0.8)}
+
+
+def rest_angle_deg(design: TerminalDesign, share: float = 1.0) -> float:
     """Return the angle up to which a body at rest is in the terminal set, turned any way.
 
-    The rates are the last three coordinates of either chart, the angles the others.
+    Or in this share of its level. The rates are the last three coordinates of either chart, the
+    angles the others.
     """
     steepest = float(np.linalg.eigvalsh(design.P[:-3, :-3])[-1])
-    return math.degrees(min(math.sqrt(design.c / steepest), math.pi))
+    return math.degrees(min(math.sqrt(share * design.c / steepest), math.pi))
 
 
 def as_data(
