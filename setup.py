@@ -16,6 +16,7 @@ MAINTAINER = ET.parse('package.xml').find('maintainer')
 EXECUTABLES = {
     'controller': f'{NAME}.nodes.controller.main:main',
     'simulator': f'{NAME}.nodes.simulator.main:main',
+    'guidance': f'{NAME}.nodes.guidance.main:main',
     'markers': f'{NAME}.nodes.markers.main:main',
     'manifold-mpc': f'{NAME}.cli.main:main',
 }
@@ -42,12 +43,15 @@ LAB = [
 ]
 # Heavy, and needed by one verb: campaigns write Parquet, and run on clusters if asked to.
 CAMPAIGN = [*LAB, 'pyarrow>=14']
+# TLEs, for guidance; Kepler's elements need nothing.
+GUIDANCE = ['sgp4>=2.20']
 # A C compiler for machines that have none: the solver is compiled when it is first used.
 COMPILER = ['ziglang>=0.13']
 CLUSTER = [*CAMPAIGN, 'distributed>=2024.1']
 # Sphinx, for `make docs`.
 DOCS = ['myst-parser', 'sphinx>=8.2', 'sphinxcontrib-mermaid']
 TEST = [
+    *GUIDANCE,
     'catkin-pkg',
     'colcon-core',
     'colcon-library-path',
@@ -122,7 +126,8 @@ setup(
     python_requires='>=3.10',
     install_requires=FLIES,
     extras_require={'lab': LAB, 'campaign': CAMPAIGN, 'cluster': CLUSTER, 'compiler': COMPILER,
-                    'docs': DOCS, 'ros': ROS, 'test': CLUSTER + TEST},
+                    'docs': DOCS, 'guidance': GUIDANCE,
+                    'ros': ROS, 'test': CLUSTER + TEST},
     entry_points={'console_scripts': [f'{name} = {main}' for name, main in EXECUTABLES.items()]},
     zip_safe=False,
 )

@@ -34,6 +34,8 @@ from launch import LaunchDescription
 
 PACKAGE = 'manifold_mpc_ros'
 RESPAWN_DELAY_S = 0.5
+#: Of the controller, with guidance: anything above zero lets it listen.
+REFERENCE_TIMEOUT_S = 30.0
 #: Linux sends a node SIGINT, as Ctrl-C does, when the process that started it is no more.
 END_WITH_LAUNCH = 'setpriv --pdeathsig INT '
 TOPICS = {
@@ -43,11 +45,12 @@ TOPICS = {
     'direction_setpoint': 'commanded direction (target: pointing)',
     'reference': 'commanded attitudes over time',
     'odometry_setpoint': 'commanded attitude that goes on at its rate',
+    'sun_direction': 'where the Sun is, from guidance',
     'torque_command': 'body torque, controller and simulator',
     'clock': 'simulated time; clock:=clock gives each namespace a time of its own',
 }
 NODES = {'controller': 'attitude_controller', 'simulator': 'lgvi_simulator',
-         'markers': 'attitude_markers'}
+         'guidance': 'attitude_guidance', 'markers': 'attitude_markers'}
 BOOLEANS = {'true': True, '1': True, 'false': False, '0': False}
 
 
@@ -62,10 +65,14 @@ def generate_launch_description() -> LaunchDescription:
                   'parameter file of the controller'),
         _argument('simulator_params', _shipped('simulator.yaml'),
                   'parameter file of the simulator'),
+        _argument('guidance_params', _shipped('guidance.yaml'),
+                  'parameter file of guidance'),
         _argument('use_sim_time', 'false', 'time comes from the topic of the argument clock'),
         _argument('publish_clock', LaunchConfiguration('use_sim_time'),
                   'the simulator publishes that time; false: it follows one that is there'),
         _argument('with_simulator', 'true', 'start the simulated spacecraft too'),
+        _argument('with_guidance', 'false',
+                  'start guidance too, and let the controller follow it'),
         _argument('respawn', 'false', 'start a node again when it has ended'),
         _argument('markers', 'true',
                   'start the node that draws for RViz and Foxglove, when they look'),
@@ -96,7 +103,8 @@ def _default_topic(name: str) -> str:
 def _start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     """Return the nodes in the order of their start; raise ValueError before the first of them."""
     flag = {name: _flag(context, name) for name in (
-        'use_sim_time', 'publish_clock', 'with_simulator', 'respawn', 'markers', 'rviz')}
+        'use_sim_time', 'publish_clock', 'with_simulator', 'with_guidance', 'respawn', 'markers',
+        'rviz')}
     if flag['publish_clock'] and not flag['use_sim_time']:
         raise ValueError('publish_clock: true needs use_sim_time: true, or the controller '
                          'refuses states of another time')
@@ -114,8 +122,14 @@ def _start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
             [_file(context, 'simulator_params'), {
                 'timing.publish_clock': flag['publish_clock'],
                 'use_sim_time': flag['use_sim_time'] and not flag['publish_clock']}], **respawn)
+    listen = {}
+    if flag['with_guidance']:
+        nodes['guidance'] = _node(
+            context, PACKAGE, 'guidance', [_file(context, 'guidance_params'), follow], **respawn)
+        listen = {'reference.timeout_s': REFERENCE_TIMEOUT_S}
     nodes['controller'] = _node(
-        context, PACKAGE, 'controller', [_file(context, 'controller_params'), follow], **respawn)
+        context, PACKAGE, 'controller',
+        [_file(context, 'controller_params'), {**follow, **listen}], **respawn)
     ends = [] if flag['respawn'] else [
         _end_together(nodes[name], [node for other, node in nodes.items() if other != name])
         for name in ('simulator', 'controller') if name in nodes]

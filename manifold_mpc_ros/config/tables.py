@@ -51,7 +51,7 @@ _COMMAND_SOURCE = ParameterSpec(
 _ACTUATOR = ParameterSpec(
     'actuators.kind', 'str', 'torque', 'what turns the body', choices=tuple(ACTUATORS),
     read_only=True, name_in_config='actuator')
-_INERTIAL_FRAME = ParameterSpec(
+INERTIAL_FRAME = ParameterSpec(
     'inertial_frame_id', 'str', 'inertial', 'frame that attitudes are measured against',
     read_only=True)
 _BODY_FRAME = ParameterSpec(
@@ -60,12 +60,12 @@ _LOCKSTEP = ParameterSpec(
     'lockstep', 'bool', False,
     'time advances by question and answer, state by state, the same way in every run',
     read_only=True)
-_AUTOSTART = ParameterSpec(
+AUTOSTART = ParameterSpec(
     'autostart', 'bool', True, 'configure and activate without being asked', read_only=True)
-_SECURE = ParameterSpec(
+SECURE = ParameterSpec(
     'secure', 'bool', False,
     'refuse to configure unless DDS security is enforced (docs/security.md)', read_only=True)
-_BOND_PERIOD = ParameterSpec(
+BOND_PERIOD = ParameterSpec(
     'bond_period_s', 'float', 0.0,
     'period of the heartbeat for a lifecycle manager, by the package bond; 0: no bond', unit='s',
     low=0.0, high=60.0, read_only=True)
@@ -164,7 +164,7 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
         'take what moves from reference and odometry_setpoint, and let an odometry_setpoint go on '
         'at its rate for so long; 0: take neither', unit='s', low=0.0, high=86400.0,
         read_only=True, name_in_config='reference_timeout_s'),
-    _INERTIAL_FRAME,
+    INERTIAL_FRAME,
     _BODY_FRAME,
     ParameterSpec(
         'initial_setpoint', 'str', 'identity',
@@ -194,9 +194,9 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
         'realtime.lock_memory', 'bool', False,
         'keep every page of the process in memory where the system permits it', read_only=True),
     _LOCKSTEP,
-    _SECURE,
-    _BOND_PERIOD,
-    _AUTOSTART,
+    SECURE,
+    BOND_PERIOD,
+    AUTOSTART,
 )
 
 SIMULATOR_PARAMETERS: tuple[ParameterSpec, ...] = (
@@ -269,11 +269,11 @@ SIMULATOR_PARAMETERS: tuple[ParameterSpec, ...] = (
     _STATE_SINKS,
     _COMMAND_SOURCE,
     _FULL_SCALE,
-    _INERTIAL_FRAME,
+    INERTIAL_FRAME,
     _BODY_FRAME,
-    _SECURE,
-    _BOND_PERIOD,
-    _AUTOSTART,
+    SECURE,
+    BOND_PERIOD,
+    AUTOSTART,
 )
 
 MARKERS_PARAMETERS = (
@@ -285,9 +285,9 @@ MARKERS_PARAMETERS = (
         'torque_length_per_n_m', 'float', 3.0,
         'length of the arrow of a torque of 1 N m; the body axes have length 1', unit='1/(N m)',
         low=0.0, high=1e9),
-    _INERTIAL_FRAME,
+    INERTIAL_FRAME,
     _BODY_FRAME,
-    _BOND_PERIOD,
-    _AUTOSTART,
-    _SECURE,
+    BOND_PERIOD,
+    AUTOSTART,
+    SECURE,
 )

@@ -14,6 +14,7 @@ import yaml
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig, SimulatorConfig
 from manifold_mpc_ros.config.controller import ControllerConfig
+from manifold_mpc_ros.config.guidance import GUIDANCE_NAME, GUIDANCE_PARAMETERS
 from manifold_mpc_ros.config.parameter import ParameterSpec, resolve_parameters
 from manifold_mpc_ros.config.tables import (
     CONTROLLER_NAME,
@@ -30,6 +31,7 @@ CONFIG = Path(__file__).parents[2] / 'config'
 SHIPPED = [
     (CONFIG / 'controller.yaml', CONTROLLER_NAME, CONTROLLER_PARAMETERS),
     (CONFIG / 'simulator.yaml', SIMULATOR_NAME, SIMULATOR_PARAMETERS),
+    (CONFIG / 'guidance.yaml', GUIDANCE_NAME, GUIDANCE_PARAMETERS),
 ]
 ALL_SPECS = CONTROLLER_PARAMETERS + SIMULATOR_PARAMETERS
 

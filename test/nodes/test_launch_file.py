@@ -35,7 +35,7 @@ MODULES = {
     'launch_ros.substitutions': ['ExecutableInPackage', 'FindPackageShare'],
 }
 TOPICS = {'odometry', 'imu', 'attitude_setpoint', 'direction_setpoint', 'reference',
-          'odometry_setpoint', 'torque_command', 'clock'}
+          'odometry_setpoint', 'sun_direction', 'torque_command', 'clock'}
 
 
 class Recorded:
@@ -101,7 +101,8 @@ def test_it_imports_launch_and_launch_ros_and_nothing_else() -> None:
 def test_arguments(launch: Launch) -> None:
     assert set(launch.declared) == {
         'namespace', 'enclaves', 'controller_params', 'simulator_params', 'use_sim_time',
-        'publish_clock', 'with_simulator', 'markers', 'respawn', 'rviz', *TOPICS}
+        'publish_clock', 'with_simulator', 'with_guidance', 'guidance_params', 'markers',
+        'respawn', 'rviz', *TOPICS}
     assert all(kwargs['description'] for kwargs in launch.declared.values())
 
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from harness import Rig
 
 SROS2 = Path(__file__).parents[2] / 'config' / 'sros2'
-NODES = ('attitude_controller', 'attitude_markers', 'lgvi_simulator')
+NODES = ('attitude_controller', 'attitude_guidance', 'attitude_markers', 'lgvi_simulator')
 BOND = {'bond_period_s': 0.1}
 #: Parameters of the controller, the simulator and the markers: together they open everything.
 CONFIGURATIONS: list[tuple[dict[str, object], ...]] = [
@@ -92,7 +92,8 @@ def everything_is_there(rig: Rig) -> bool:
             'attitude_markers': '/torque_command'}
     return set(NODES) <= names and all(
         f'/{node}/set_parameters' in opened(rig, node).get('reply', ())
-        and last[node] in opened(rig, node).get('subscribe', ()) for node in NODES)
+        and last.get(node, '') in {'', *opened(rig, node).get('subscribe', ())}
+        for node in NODES)
 
 
 def opened_at_last(rig: Rig) -> dict[str, Rules]:
@@ -119,6 +120,8 @@ def test_the_nodes_open_exactly_what_their_policies_allow(
             changes = [text for name, value in markers.items()
                        for text in ('-p', f'{name}:={str(value).lower()}')]
             rig.run(['manifold_mpc_ros.nodes.markers.main', '--ros-args', *changes], **own)
+            common = {name: value for name, value in markers.items() if name != 'state_source'}
+            rig.start('guidance', parameters=common, **own)
             rig.watch(MarkerArray, '/attitude_markers/markers')  # it listens while one looks
             rig.until(lambda r=rig: everything_is_there(r), 'every node in the graph')
             for node, found in opened_at_last(rig).items():
@@ -143,9 +146,9 @@ def test_directions_of_cones_come_to_the_controller_and_the_recorder_alone() -> 
     with_cone = policies({
         'cones.names': ['sun'], 'cones.sun.axis_B': [1.0, 0.0, 0.0],
         'cones.sun.half_angle_deg': 20.0,
-        'cones.sun.direction_N': [0.0, 1.0, 0.0], 'cones.sun.direction_topic': 'sun_direction'})
+        'cones.sun.direction_N': [0.0, 1.0, 0.0], 'cones.sun.direction_topic': 'sun_vector'})
     for node, text in with_cone.items():
-        expected = {'sun_direction'} if node in ('attitude_controller', 'recorder') else set()
+        expected = {'sun_vector'} if node in ('attitude_controller', 'recorder') else set()
         assert topics_of(text) - topics_of(shipped[node]) == expected
 
 

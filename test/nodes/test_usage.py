@@ -10,11 +10,12 @@ import sys
 import pytest
 
 from manifold_mpc_ros.nodes.controller import main as controller
+from manifold_mpc_ros.nodes.guidance import main as guidance
 from manifold_mpc_ros.nodes.markers import main as markers
 from manifold_mpc_ros.nodes.simulator import main as simulator
 from manifold_mpc_ros.nodes.usage import Program, parse_arguments
 
-PROGRAMS = [controller.PROGRAM, simulator.PROGRAM, markers.PROGRAM]
+PROGRAMS = [controller.PROGRAM, guidance.PROGRAM, simulator.PROGRAM, markers.PROGRAM]
 
 
 @pytest.mark.parametrize('program', PROGRAMS)

@@ -18,7 +18,7 @@ import pytest
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 
 TOP = Path(__file__).parents[2]
-COMMANDS = {'controller', 'simulator', 'markers', 'manifold-mpc'}
+COMMANDS = {'controller', 'guidance', 'simulator', 'markers', 'manifold-mpc'}
 PIP = [sys.executable, '-m', 'pip', '--disable-pip-version-check', '--no-input']
 BUILD = ['--quiet', '--no-deps', '--no-build-isolation', '--no-index']
 

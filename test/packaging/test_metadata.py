@@ -42,6 +42,10 @@ def metadata(wheel: Path) -> Message:
         return Parser().parsestr(archive.read(name).decode())
 
 
+#: Imported where it is needed, and named with its extra where it is missing.
+OPTIONAL = {'sgp4'}
+
+
 def imported(*folders: str) -> Iterator[str]:
     """Yield the first name of each absolute import in the folders' files."""
     for path in (p for folder in folders for p in (TOP / folder).rglob('*.py')):
@@ -83,7 +87,7 @@ def folders(laboratory: bool) -> list[str]:
 def test_every_import_of_what_flies_is_declared_for_pip_and_for_rosdep(
         manifest: Package, metadata: Message) -> None:
     foreign = set(imported(*folders(laboratory=False), 'launch')) - sys.stdlib_module_names
-    foreign -= {'manifold_mpc_ros'}
+    foreign -= {'manifold_mpc_ros', *OPTIONAL}
     declared = {depend.name for depend in manifest.exec_depends}
     from_ros, from_pip = foreign & declared, foreign - declared
     assert {'rclpy', 'nav_msgs', 'geometry_msgs', 'sensor_msgs'} <= from_ros
@@ -112,6 +116,7 @@ def test_every_import_of_the_laboratory_is_in_an_extra(
 
 
 def test_the_extras(metadata: Message) -> None:
+    assert required(metadata, 'guidance') == OPTIONAL <= required(metadata, 'test')
     assert required(metadata, 'ros') == {
         'ros-jazzy-common-interfaces', 'ros-jazzy-lifecycle-msgs', 'ros-jazzy-rclpy',
         'ros-jazzy-rmw-fastrtps-cpp'}
@@ -128,7 +133,7 @@ def test_the_wheel_holds_the_package_and_executable_stubs(wheel: Path) -> None:
     assert {n for n in modes if n.startswith('manifold_mpc_ros/') and n.endswith('.py')} == sources
     stubs = {Path(name).name: mode for name, mode in modes.items()
              if '.data/data/lib/manifold_mpc_ros/' in name}
-    assert set(stubs) == {'controller', 'simulator', 'markers', 'manifold-mpc'}
+    assert set(stubs) == {'controller', 'guidance', 'simulator', 'markers', 'manifold-mpc'}
     assert all(mode & 0o111 == 0o111 for mode in stubs.values())
 
 
