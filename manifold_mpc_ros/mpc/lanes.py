@@ -7,9 +7,8 @@ from __future__ import annotations
 import numpy as np
 
 from manifold_mpc_ros.lie.arrays import Array
-from manifold_mpc_ros.mpc.program.field import Field
 from manifold_mpc_ros.mpc.program.layout import layout_of
-from manifold_mpc_ros.mpc.program.structure import Structure
+from manifold_mpc_ros.mpc.program.phase import Field, Structure
 
 _ALIGNMENT = 64
 

@@ -22,9 +22,8 @@ from manifold_mpc_ros.mpc.lanes import aligned, blocks, copied, field_of
 from manifold_mpc_ros.mpc.library import Course, Library, LoopRecord, Solve
 from manifold_mpc_ros.mpc.program import fields as f
 from manifold_mpc_ros.mpc.program import options
-from manifold_mpc_ros.mpc.program.field import Field, Memory
 from manifold_mpc_ros.mpc.program.layout import layout_of
-from manifold_mpc_ros.mpc.program.structure import Structure
+from manifold_mpc_ros.mpc.program.phase import Field, Memory, Structure
 from manifold_mpc_ros.mpc.scaling import TERMINAL_LEVEL, Scaling
 from manifold_mpc_ros.mpc.stages.cone import AIM
 from manifold_mpc_ros.mpc.stages.inequalities import (

@@ -33,8 +33,7 @@ from manifold_mpc_ros.mpc import cache
 from manifold_mpc_ros.mpc.backends.code_generation import program_code
 from manifold_mpc_ros.mpc.library import Library
 from manifold_mpc_ros.mpc.local_solver import LocalSolver
-from manifold_mpc_ros.mpc.program.field import Field
-from manifold_mpc_ros.mpc.program.structure import Structure
+from manifold_mpc_ros.mpc.program.phase import Field, Structure
 
 BACKENDS = ('auto', 'c')
 # No contraction into fused multiply-add: every processor and compiler then executes the same

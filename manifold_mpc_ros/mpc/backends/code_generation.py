@@ -16,11 +16,9 @@ from pathlib import Path
 import casadi as ca
 
 from manifold_mpc_ros.mpc.program import fields, options
-from manifold_mpc_ros.mpc.program.field import Memory
 from manifold_mpc_ros.mpc.program.layout import Layout, layout_of
-from manifold_mpc_ros.mpc.program.phase import Order, Phase, Ref
+from manifold_mpc_ros.mpc.program.phase import Memory, Order, Phase, Ref, Structure
 from manifold_mpc_ros.mpc.program.program import program_of
-from manifold_mpc_ros.mpc.program.structure import Structure
 
 _BINARY = {
     ca.OP_ADD: '{} + {}', ca.OP_SUB: '{} - {}', ca.OP_MUL: '{} * {}', ca.OP_DIV: '{} / {}',

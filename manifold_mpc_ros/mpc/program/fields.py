@@ -9,7 +9,7 @@ Dimensionless throughout (:mod:`manifold_mpc_ros.mpc.scaling`).
 
 from __future__ import annotations
 
-from manifold_mpc_ros.mpc.program.field import Field, Memory
+from manifold_mpc_ros.mpc.program.phase import Field, Memory
 from manifold_mpc_ros.mpc.scaling import PARAMETERS
 
 _PLAN, _MODEL, _GLOBAL = Memory.TRAJECTORY, Memory.MODEL, Memory.GLOBAL

@@ -7,8 +7,7 @@ from __future__ import annotations
 from functools import cache
 
 from manifold_mpc_ros.mpc.program import fields
-from manifold_mpc_ros.mpc.program.field import Field, Memory
-from manifold_mpc_ros.mpc.program.structure import Structure
+from manifold_mpc_ros.mpc.program.phase import Field, Memory, Structure
 from manifold_mpc_ros.mpc.stages.inequalities import inequalities_of
 from manifold_mpc_ros.mpc.stages.reference import REFERENCE
 

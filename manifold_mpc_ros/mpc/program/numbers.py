@@ -7,8 +7,7 @@ from __future__ import annotations
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.program import fields as f
-from manifold_mpc_ros.mpc.program.field import Field
-from manifold_mpc_ros.mpc.program.structure import Structure
+from manifold_mpc_ros.mpc.program.phase import Field, Structure
 from manifold_mpc_ros.mpc.scaling import flat_parameters, scaling_of
 from manifold_mpc_ros.mpc.stages.inequalities import inequalities_of
 from manifold_mpc_ros.terminal.design import TerminalDesign

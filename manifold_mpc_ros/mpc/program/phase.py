@@ -16,7 +16,36 @@ from typing import NamedTuple, TypeAlias
 
 import casadi as ca
 
-from manifold_mpc_ros.mpc.program.field import Field, Memory
+
+class Structure(NamedTuple):
+    """What generated code depends on; all numbers, and the horizon, are run-time values.
+
+    Forcing, target, and which inequalities there are:
+    ``rows`` has (name, number of values) of each inequality that the problem has, in the order of
+    the table :data:`manifold_mpc_ros.mpc.stages.inequalities.KINDS`. ``moving``: costs are about a
+    reference that moves over the horizon.
+    """
+
+    symmetric: bool
+    pointing: bool
+    rows: tuple[tuple[str, int], ...] = ()
+    moving: bool = False
+
+
+class Memory(Enum):
+    """Where a field lives: two trajectories that swap, the model of a pass, or globals."""
+
+    TRAJECTORY = 'trajectory'
+    MODEL = 'model'
+    GLOBAL = 'global'
+
+
+class Field(NamedTuple):
+    """A vector of ``size`` at every stage, or once (``GLOBAL``)."""
+
+    name: str
+    size: int
+    memory: Memory
 
 
 class Order(Enum):

@@ -6,8 +6,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from manifold_mpc_ros.mpc.program.phase import Phase
-from manifold_mpc_ros.mpc.program.structure import Structure
+from manifold_mpc_ros.mpc.program.phase import Phase, Structure
 from manifold_mpc_ros.mpc.stages import (
     initial_guess,
     initial_state,

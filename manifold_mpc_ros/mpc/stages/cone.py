@@ -21,8 +21,7 @@ from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.lie.symbolic import rotation_from_quaternion
 from manifold_mpc_ros.mpc.program import fields as f
-from manifold_mpc_ros.mpc.program.field import Field, Memory
-from manifold_mpc_ros.mpc.program.phase import Phase, Read, phase
+from manifold_mpc_ros.mpc.program.phase import Field, Memory, Phase, Read, phase
 from manifold_mpc_ros.mpc.scaling import Scaling
 from manifold_mpc_ros.mpc.stages.inequality import Curvature, LocalInequality, Node, Variation
 

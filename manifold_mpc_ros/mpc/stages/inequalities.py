@@ -9,8 +9,7 @@ from functools import cache
 import casadi as ca
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.mpc.program.phase import Read
-from manifold_mpc_ros.mpc.program.structure import Structure
+from manifold_mpc_ros.mpc.program.phase import Read, Structure
 from manifold_mpc_ros.mpc.stages.barrier import join
 from manifold_mpc_ros.mpc.stages.cone import AnyOf2, AnyOf3, AnyOf4, ConeInequality
 from manifold_mpc_ros.mpc.stages.inequality import (

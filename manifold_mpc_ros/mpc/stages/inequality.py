@@ -22,8 +22,7 @@ import numpy as np
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.program import fields as f
-from manifold_mpc_ros.mpc.program.field import Field, Memory
-from manifold_mpc_ros.mpc.program.phase import Read
+from manifold_mpc_ros.mpc.program.phase import Field, Memory, Read
 from manifold_mpc_ros.mpc.scaling import Scaling
 from manifold_mpc_ros.mpc.stages import barrier
 from manifold_mpc_ros.mpc.stages.barrier import Bounds

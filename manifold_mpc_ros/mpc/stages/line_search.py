@@ -12,10 +12,8 @@ import casadi as ca
 
 from manifold_mpc_ros.lie.symbolic import quaternion_product, rotation_from_quaternion
 from manifold_mpc_ros.mpc.program import fields as f
-from manifold_mpc_ros.mpc.program.field import Field
 from manifold_mpc_ros.mpc.program.options import BOUNDARY
-from manifold_mpc_ros.mpc.program.phase import Order, Phase, Read, phase
-from manifold_mpc_ros.mpc.program.structure import Structure
+from manifold_mpc_ros.mpc.program.phase import Field, Order, Phase, Read, Structure, phase
 from manifold_mpc_ros.mpc.scaling import unpack
 from manifold_mpc_ros.mpc.stages import merit
 from manifold_mpc_ros.mpc.stages import step_derivatives as form

@@ -10,9 +10,7 @@ import casadi as ca
 
 from manifold_mpc_ros.lie.symbolic import trace_hessian
 from manifold_mpc_ros.mpc.program import fields as f
-from manifold_mpc_ros.mpc.program.field import Field
-from manifold_mpc_ros.mpc.program.phase import Order, Phase, Read, phase
-from manifold_mpc_ros.mpc.program.structure import Structure
+from manifold_mpc_ros.mpc.program.phase import Field, Order, Phase, Read, Structure, phase
 from manifold_mpc_ros.mpc.scaling import Parameters
 from manifold_mpc_ros.mpc.stages.barrier import join, product, where
 from manifold_mpc_ros.mpc.stages.inequalities import (

@@ -13,9 +13,7 @@ import casadi as ca
 from manifold_mpc_ros.dynamics.symbolic import lgvi_step
 from manifold_mpc_ros.lie.symbolic import quaternion_from_rotation, rotation_from_quaternion
 from manifold_mpc_ros.mpc.program import fields as f
-from manifold_mpc_ros.mpc.program.field import Field
-from manifold_mpc_ros.mpc.program.phase import Phase, Read, phase
-from manifold_mpc_ros.mpc.program.structure import Structure
+from manifold_mpc_ros.mpc.program.phase import Field, Phase, Read, Structure, phase
 from manifold_mpc_ros.mpc.stages.initial_state import row_by_row
 
 

@@ -22,9 +22,7 @@ import casadi as ca
 from manifold_mpc_ros.dynamics.symbolic import solve_3x3
 from manifold_mpc_ros.lie.symbolic import rotation_from_quaternion, vee_of_skew_part
 from manifold_mpc_ros.mpc.program import fields as f
-from manifold_mpc_ros.mpc.program.field import Field
-from manifold_mpc_ros.mpc.program.phase import Order, Phase, Read, phase
-from manifold_mpc_ros.mpc.program.structure import Structure
+from manifold_mpc_ros.mpc.program.phase import Field, Order, Phase, Read, Structure, phase
 from manifold_mpc_ros.mpc.scaling import Parameters, unpack
 from manifold_mpc_ros.mpc.stages import step_derivatives as form
 from manifold_mpc_ros.mpc.stages.barrier import largest, where

@@ -23,9 +23,7 @@ from manifold_mpc_ros.lie.symbolic import (
     rotation_from_quaternion,
     trace_hessian,
 )
-from manifold_mpc_ros.mpc.program.field import Field, Memory
-from manifold_mpc_ros.mpc.program.phase import Read
-from manifold_mpc_ros.mpc.program.structure import Structure
+from manifold_mpc_ros.mpc.program.phase import Field, Memory, Read, Structure
 from manifold_mpc_ros.mpc.scaling import Parameters
 
 #: Quaternions of E_k and F_k, dimensionless rate of the reference in its own axes, and torque.

@@ -21,9 +21,7 @@ from manifold_mpc_ros.lie.symbolic import (
     rotation_from_quaternion,
 )
 from manifold_mpc_ros.mpc.program import fields as f
-from manifold_mpc_ros.mpc.program.field import Field
-from manifold_mpc_ros.mpc.program.phase import Phase, Read, phase
-from manifold_mpc_ros.mpc.program.structure import Structure
+from manifold_mpc_ros.mpc.program.phase import Field, Phase, Read, Structure, phase
 from manifold_mpc_ros.mpc.scaling import Parameters, unpack
 from manifold_mpc_ros.mpc.stages import step_derivatives as form
 from manifold_mpc_ros.mpc.stages.barrier import elastic_bounds, largest

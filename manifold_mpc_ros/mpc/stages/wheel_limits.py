@@ -29,8 +29,7 @@ from manifold_mpc_ros.config.wheels import WheelArray, Zonotope
 from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.lie.symbolic import hat, rotation_from_quaternion
 from manifold_mpc_ros.mpc.program import fields as f
-from manifold_mpc_ros.mpc.program.field import Field, Memory
-from manifold_mpc_ros.mpc.program.phase import Read
+from manifold_mpc_ros.mpc.program.phase import Field, Memory, Read
 from manifold_mpc_ros.mpc.scaling import Scaling
 from manifold_mpc_ros.mpc.stages.barrier import product, where
 from manifold_mpc_ros.mpc.stages.inequality import (
