@@ -31,7 +31,7 @@ from manifold_mpc_ros.config.interfaces import (
     state_topics,
 )
 from manifold_mpc_ros.config.parameter import resolve_parameters
-from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS, SIMULATOR_NAME
+from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
 from manifold_mpc_ros.config.yaml_file import read_parameter_file
 from manifold_mpc_ros.nodes.usage import Program
 
@@ -73,7 +73,7 @@ def programs(parameters: Mapping[str, Any] | None = None) -> list[Program]:
     """Return what each executable of the package says about itself.
 
     With ``parameters`` of a controller, topics of states, setpoints, commands and directions are
-    theirs.
+    theirs, at the other nodes too.
     """
     found = [importlib.import_module(f'{nodes.__name__}.{each.name}.main').PROGRAM
              for each in pkgutil.iter_modules(nodes.__path__) if each.ispkg]
@@ -86,7 +86,7 @@ def programs(parameters: Mapping[str, Any] | None = None) -> list[Program]:
         command_topics(): command_topics(str(values['command_sink']))}
     directions = tuple((topic, 'geometry_msgs/msg/Vector3Stamped', f'direction of cone {name}')
                        for name, (topic, _) in cone_topics(values).items())
-    described = [program if program.node_name == SIMULATOR_NAME else replace(
+    described = [replace(
         program, subscribes=_instead(program.subscribes, instead),
         publishes=_instead(program.publishes, instead)) for program in found]
     return [replace(program, subscribes=program.subscribes + directions)

@@ -7,7 +7,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from manifold_mpc_ros.config.interfaces import BOND, DESCRIPTION, WHEEL_STATES, command_topics
+from manifold_mpc_ros.config.interfaces import (
+    BOND,
+    DESCRIPTION,
+    WHEEL_STATES,
+    command_topics,
+    state_topics,
+)
 from manifold_mpc_ros.config.tables import SIMULATOR_NAME, SIMULATOR_PARAMETERS
 from manifold_mpc_ros.nodes.process import run
 from manifold_mpc_ros.nodes.usage import Program
@@ -25,8 +31,7 @@ PROGRAM = Program(
         BOND,
     ),
     publishes=(
-        ('odometry', 'nav_msgs/msg/Odometry', 'attitude (pose), body rate (twist)'),
-        ('imu', 'sensor_msgs/msg/Imu', 'the same as an inertial sensor'),
+        *state_topics(),
         WHEEL_STATES,
         ('/clock', 'rosgraph_msgs/msg/Clock', 'simulated time, with publish_clock'),
         ('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'time, plant, refusals'),
