@@ -69,7 +69,8 @@ class ControllerConfig:
                 limit is None or not (limit <= self.full_scale_torque_n_m).all()):
             raise ConfigurationError(
                 'full_scale_torque_n_m', self.full_scale_torque_n_m,
-                'at least limits.max_torque_n_m, which has to be finite')
+                'at least limits.max_torque_n_m, '
+                f'{"which has no limit" if limit is None else limit.tolist()}')
 
     @classmethod
     def from_yaml(cls, path: str | Path) -> ControllerConfig:

@@ -83,6 +83,8 @@ def stamp_at(message: Any, steps: Steps, unit_ns: int) -> int | None:
     value = value_at(message, steps)
     if unit_ns:
         return round(value * unit_ns)
+    if isinstance(value, (int, float)):
+        raise TypeError('the stamp is a number, whose stamp_unit is not given')
     return int(value.sec) * NANOSECONDS + int(value.nanosec)
 
 

@@ -123,7 +123,7 @@ def test_what_cannot_be_read_is_refused_with_the_reason(tmp_path: Path) -> None:
     ({'stamp': 'time'}, attitude_at(1), "no attribute 'time'"),
     ({'field': 'q[4]'}, attitude_at(1, np.zeros(4)), 'it has 4 elements, not 5'),
     ({}, attitude_at(1, (1.0, 0.0)), '2 numbers, not 4'),
-    ({'stamp_unit': 'time'}, attitude_at(1), "no attribute 'sec'"),
+    ({'stamp_unit': 'time'}, attitude_at(1), 'a number, whose stamp_unit is not given'),
     ({}, attitude_at('now'), 'fields described')])
 def test_a_path_that_a_message_lacks_is_named(
     tmp_path: Path, attitude: dict[str, str], message: Any, says: str,
