@@ -8,7 +8,7 @@ import numpy as np
 
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.control.command import Law
-from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample
+from manifold_mpc_ros.control.input_gate import StateSample, to_ns
 from manifold_mpc_ros.control.modes import ACTING, Mode
 from manifold_mpc_ros.control.torque_history import TorqueHistory, moved_on
 
@@ -34,7 +34,7 @@ class Anticipation:
             delay_s = law.observer.delay.longest_s
             if self._law.observer is not None:
                 law.observer.take_over(self._law.observer)
-        self._sent.kept_ns = _ns(delay_s + KEPT_STEPS * law.config.step_s)
+        self._sent.kept_ns = to_ns(delay_s + KEPT_STEPS * law.config.step_s)
         self._law = law
 
     def restart(self) -> None:
@@ -65,7 +65,7 @@ class Anticipation:
     def delay_ns(self) -> int:
         """The delay that plans are made for [ns]."""
         law = self._law
-        return _ns(law.actuation_delay_s if law.observer is None else law.observer.delay.delay_s)
+        return to_ns(law.actuation_delay_s if law.observer is None else law.observer.delay.delay_s)
 
     @property
     def known_disturbance_B_n_m(self) -> FloatArray:
@@ -88,8 +88,3 @@ class Anticipation:
         if disturbance is not None:
             torques = ((lasting_ns, torque + disturbance) for lasting_ns, torque in torques)
         return moved_on(sample.R_NB, sample.omega_BN_B, torques, self._law.config)
-
-
-def _ns(seconds: float) -> int:
-    """Return seconds in nanoseconds."""
-    return round(seconds * NANOSECONDS)

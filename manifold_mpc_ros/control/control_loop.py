@@ -25,6 +25,7 @@ from manifold_mpc_ros.control.input_gate import (
     Refusal,
     StateGate,
     StateSample,
+    to_ns,
 )
 from manifold_mpc_ros.control.modes import Decision, Facts, Mode, ModeLogic, SolveOutcome
 from manifold_mpc_ros.control.output_gate import OutputGate
@@ -72,9 +73,9 @@ class ControlLoop:
         self.directions_N: Mapping[str, FloatArray] = {}
         self._make_actuator = make_actuator
         self.gate = gate
-        self.logic = ModeLogic(_ns(law.config.step_s), _ns(law.timeout_s))
+        self.logic = ModeLogic(to_ns(law.config.step_s), to_ns(law.timeout_s))
         self.output = OutputGate(make_actuator(law.config))
-        self._plan = HeldPlan(_ns(law.config.step_s))
+        self._plan = HeldPlan(to_ns(law.config.step_s))
         self._mode = Mode.WAIT
         self._epoch = 0
         self._ahead = Anticipation(law)
@@ -98,7 +99,7 @@ class ControlLoop:
         self._ahead.take(law)
         self._take(law)
         self.output.set_actuator(self._make_actuator(law.config))
-        self.logic.set_timeout(_ns(law.timeout_s))
+        self.logic.set_timeout(to_ns(law.timeout_s))
         self.gate.set_timeout(law.timeout_s)
         self._void('the controller was changed')
 
@@ -292,8 +293,3 @@ class ControlLoop:
         self.steady_error.forget()
         if self._law.monitor is not None:
             self._law.monitor.suspend(why)
-
-
-def _ns(seconds: float) -> int:
-    """Return seconds in nanoseconds."""
-    return round(seconds * NANOSECONDS)

@@ -31,6 +31,11 @@ SHORTEST_FUTURE_TOLERANCE_S = 0.01
 LONGEST_AGE_OF_ONE_CLOCK_S = 86400.0
 
 
+def to_ns(seconds: float) -> int:
+    """Return seconds in whole nanoseconds."""
+    return round(seconds * NANOSECONDS)
+
+
 class Reason(str, Enum):
     """Why a message was refused."""
 
@@ -114,12 +119,12 @@ class StateGate:
         self._frames = (inertial_frame_id, body_frame_id)
         self._timed = timed
         self.set_timeout(timeout_s)
-        self._future_ns = round(max(step_s / 2.0, SHORTEST_FUTURE_TOLERANCE_S) * NANOSECONDS)
+        self._future_ns = to_ns(max(step_s / 2.0, SHORTEST_FUTURE_TOLERANCE_S))
         self.forget()
 
     def set_timeout(self, timeout_s: float) -> None:
         """Set the age above which a state is stale [s]."""
-        self._timeout_ns = round(timeout_s * NANOSECONDS)
+        self._timeout_ns = to_ns(timeout_s)
 
     def forget(self) -> None:
         """Forget the order of stamps, as at the start."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from manifold_mpc_ros.control.consistency import ConsistencyCheck
-from manifold_mpc_ros.control.input_gate import StateSample
+from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample
 
 #: A state older than this many steps is not moved on to the tick.
 PROPAGATE_STEPS = 2
@@ -23,8 +23,6 @@ LONGEST_HOLD_TICKS = 5
 REENTRY_STATES = 5
 #: Ticks in a row that failed by an error of our own, after which the controller latches zero.
 MOST_INTERNAL_ERRORS = 3
-
-_NANOSECONDS = 1_000_000_000
 
 
 class Mode(str, Enum):
@@ -217,4 +215,4 @@ class ModeLogic:
 
 def _old(age_ns: int) -> str:
     """Say how old the state is."""
-    return f'the state is {age_ns / _NANOSECONDS:.3f} s old'
+    return f'the state is {age_ns / NANOSECONDS:.3f} s old'

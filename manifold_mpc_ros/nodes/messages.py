@@ -13,7 +13,7 @@ from geometry_msgs.msg import Point, PoseStamped, Quaternion, Vector3, WrenchSta
 from nav_msgs.msg import Path
 
 from manifold_mpc_ros.config.checks import FloatArray
-from manifold_mpc_ros.control.input_gate import NANOSECONDS
+from manifold_mpc_ros.control.input_gate import NANOSECONDS, to_ns
 from manifold_mpc_ros.lie import so3
 
 
@@ -79,7 +79,7 @@ def to_path(
     for index, R_NB in enumerate(attitudes):
         pose = PoseStamped()
         pose.header.frame_id = inertial_frame_id
-        pose.header.stamp = to_stamp(stamp_ns + round(index * step_s * NANOSECONDS))
+        pose.header.stamp = to_stamp(stamp_ns + to_ns(index * step_s))
         pose.pose.orientation = to_quaternion(R_NB)
         x, y, z = map(float, R_NB @ np.asarray(axis_B))
         pose.pose.position = Point(x=x, y=y, z=z)

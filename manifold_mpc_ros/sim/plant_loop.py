@@ -8,7 +8,7 @@ import numpy as np
 
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.control_law import SimulatorConfig
-from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample
+from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample, to_ns
 from manifold_mpc_ros.sim.plant import Plant
 from manifold_mpc_ros.sim.wheel_plant import WheelPlant
 
@@ -33,7 +33,7 @@ class PlantLoop:
         """Build the plant in its initial state, without a command."""
         self._plant = (Plant(config) if config.wheel_motors is None
                        else WheelPlant(config, config.wheel_motors))
-        self.step_ns = round(config.step_s * NANOSECONDS)
+        self.step_ns = to_ns(config.step_s)
         self._life_steps = round(config.command_life_s / config.step_s)
         self._overdue_steps = round(OVERDUE_PERIODS * config.steps_per_control)
         self._epoch_ns = epoch_ns

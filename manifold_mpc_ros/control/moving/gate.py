@@ -19,6 +19,7 @@ from manifold_mpc_ros.control.input_gate import (
     Vector,
     admit_setpoint,
     not_finite,
+    to_ns,
 )
 from manifold_mpc_ros.control.moving.trajectory import Trajectory
 
@@ -88,7 +89,7 @@ def admit_moving(
     if not np.abs(rate).max() * seen_s < LARGEST_VIEW_RAD:
         return Refusal(Reason.TOO_FAST, f'the rate {rate} turns it by {LARGEST_VIEW_RAD:g} rad '
                                         'or more within a horizon')
-    return _in_time(begin_ns, begin_ns + round(valid_s * NANOSECONDS), against.now_ns) or (
+    return _in_time(begin_ns, begin_ns + to_ns(valid_s), against.now_ns) or (
         Trajectory.at_rate(begin_ns, R_ND, np.array(rate, dtype=np.float64), valid_s=valid_s,
                            seen_s=seen_s))
 

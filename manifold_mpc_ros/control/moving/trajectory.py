@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from manifold_mpc_ros.config.checks import FloatArray
-from manifold_mpc_ros.control.input_gate import NANOSECONDS
+from manifold_mpc_ros.control.input_gate import NANOSECONDS, to_ns
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.reference import Reference
 
@@ -69,7 +69,7 @@ class Trajectory:
         s = np.linspace(0.0, seen_s, count)
         return cls(begin_ns + np.round(s * NANOSECONDS).astype(np.int64),
                    R_ND @ so3.exp(s[:, None] * omega_DN_D), np.tile(omega_DN_D, (count, 1)),
-                   until_ns=begin_ns + round(valid_s * NANOSECONDS))
+                   until_ns=begin_ns + to_ns(valid_s))
 
     def _polynomials(self, T: FloatArray, alpha: FloatArray) -> FloatArray:
         """Return the coefficients of phi in t / T (m - 1, 6, 3) of the intervals' lengths [s]."""

@@ -23,7 +23,7 @@ import numpy as np
 
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample
+from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample, to_ns
 from manifold_mpc_ros.control.response.delay_estimator import DelayEstimator
 from manifold_mpc_ros.control.torque_history import TorqueHistory, moved_on
 from manifold_mpc_ros.errors import StepExistenceError
@@ -113,7 +113,7 @@ class ResponseObserver:
         if before is not None and sample.stamp_ns == before.stamp_ns:
             return
         begin_ns = None if before is None else (
-            before.stamp_ns - round(self.delay.measured_s * NANOSECONDS))
+            before.stamp_ns - to_ns(self.delay.measured_s))
         gap_s = 0.0 if before is None else (sample.stamp_ns - before.stamp_ns) / NANOSECONDS
         measured = self._config.inertia_kg_m2 @ sample.omega_BN_B
         if (before is None or begin_ns is None or begin_ns < acting_since_ns
@@ -144,7 +144,7 @@ class ResponseObserver:
         impulses = sent.impulses(-delay.delays_s, gap_s, before.stamp_ns) @ halfway.T
         unexplained = (config.inertia_kg_m2 @ sample.omega_BN_B - back @ was
                        - gap_s * halfway @ d)
-        first_ns = before.stamp_ns - round(delay.measured_s * NANOSECONDS)
+        first_ns = before.stamp_ns - to_ns(delay.measured_s)
         R_NB, omega_BN_B = moved_on(
             before.R_NB, np.asarray(np.linalg.solve(config.inertia_kg_m2, was), dtype=np.float64),
             ((lasting_ns, torque + d) for lasting_ns, torque in sent.between(

@@ -16,6 +16,7 @@ import struct
 from collections.abc import Callable
 from dataclasses import replace
 
+from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.lab.fault_injection.cdr import Layout, Part, StampedMessage
 
 #: (delay [s], bytes) of each message that is delivered in the place of one.
@@ -28,7 +29,6 @@ Garble = Callable[[bytes, random.Random], bytes]
 #: An overtaken or repeated message comes so long after the other one: a reader that keeps the
 #: newest alone has to see both [s].
 _BEHIND_S = 0.004
-NANOSECONDS = 1_000_000_000
 
 
 class Channel:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from manifold_mpc_ros.cli import provenance
 from manifold_mpc_ros.cli.processes import Interrupts, NodeProcess, NodeProcesses
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, SIMULATOR_NAME
+from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.lab.recording.bags.contents import RunDescription
 from manifold_mpc_ros.lab.recording.bags.writer import BagWriter
@@ -29,7 +30,6 @@ STANDSTILL_S = 60.0
 GRACE_S = 2.0
 #: What the other topics say of the last state is on its way for so long [s].
 SETTLE_S = 0.05
-NANOSECONDS = 1_000_000_000
 
 #: Told the simulated time of the newest state [s] at every look.
 Progress = Callable[[float], None]

@@ -11,8 +11,8 @@ import numpy as np
 
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.lab.recording.bags.run import BagRun
-from manifold_mpc_ros.lab.recording.bags.series import NANOSECONDS
 
 
 def facts(run: BagRun) -> Iterator[tuple[str, str]]:

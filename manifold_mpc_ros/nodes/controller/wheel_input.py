@@ -11,7 +11,7 @@ from sensor_msgs.msg import JointState
 from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.config.interfaces import WHEEL_STATES
 from manifold_mpc_ros.control.control_loop import ControlLoop
-from manifold_mpc_ros.control.input_gate import NANOSECONDS
+from manifold_mpc_ros.control.input_gate import to_ns
 from manifold_mpc_ros.control.wheels.reports import WheelReports
 from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.managed_node import STATE_QOS, ManagedNode
@@ -29,7 +29,7 @@ class WheelInput:
         self._node, wheels = node, config.mpc.wheels
         self._waiting: tuple[int, Callable[[], None]] | None = None
         self._reports = None if wheels is None else WheelReports(
-            wheels, round(config.state_timeout_s * NANOSECONDS))
+            wheels, to_ns(config.state_timeout_s))
         self._subscription = None if wheels is None else node.listen(
             JointState, WHEEL_STATES[0], self._on_report, STATE_QOS)
 

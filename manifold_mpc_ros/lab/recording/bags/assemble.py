@@ -15,11 +15,11 @@ import numpy as np
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME
+from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.lab.recording.bags import decode
 from manifold_mpc_ros.lab.recording.bags.contents import BagContents
 from manifold_mpc_ros.lab.recording.bags.decode import Stamped, StateValue
 from manifold_mpc_ros.lab.recording.bags.series import (
-    NANOSECONDS,
     CommandSeries,
     PredictionSeries,
     SetpointSeries,

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from manifold_mpc_ros.config.checks import FloatArray
-from manifold_mpc_ros.lab.recording.bags.series import NANOSECONDS, CommandSeries
+from manifold_mpc_ros.control.input_gate import NANOSECONDS
+from manifold_mpc_ros.lab.recording.bags.series import CommandSeries
 from manifold_mpc_ros.lie.arrays import IntArray
 
 

@@ -18,8 +18,8 @@ from rosbags.typesys.store import Typestore
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.description import state_description
 from manifold_mpc_ros.control.described.source import read_part
+from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.lab.recording.bags.contents import RawMessage
-from manifold_mpc_ros.lab.recording.bags.series import NANOSECONDS
 from manifold_mpc_ros.lie import so3
 
 ODOMETRY, IMU = 'nav_msgs/msg/Odometry', 'sensor_msgs/msg/Imu'

@@ -17,11 +17,11 @@ import numpy as np
 
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.controller import ControllerConfig
+from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.errors import BagError
 from manifold_mpc_ros.lab.recording.bags import decode
 from manifold_mpc_ros.lab.recording.bags.contents import RawMessage, stamp_ns_of
 from manifold_mpc_ros.lab.recording.bags.run import BagRun
-from manifold_mpc_ros.lab.recording.bags.series import NANOSECONDS
 from manifold_mpc_ros.lie import so3
 
 STATE_TOPICS = {decode.ODOMETRY: '/odometry', decode.IMU: '/imu'}

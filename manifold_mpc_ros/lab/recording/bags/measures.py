@@ -8,9 +8,9 @@ import numpy as np
 
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.rate_limits import rates_beyond
+from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.lab.closed_loop import settling_time
 from manifold_mpc_ros.lab.recording.bags.run import BagRun
-from manifold_mpc_ros.lab.recording.bags.series import NANOSECONDS
 
 #: Part of a limit by which it may be passed: the real body is not the model stepped at step_s.
 SLACK = 0.01

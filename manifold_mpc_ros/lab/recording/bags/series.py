@@ -17,7 +17,6 @@ import numpy.typing as npt
 from manifold_mpc_ros.config.checks import FloatArray
 
 IntArray = npt.NDArray[np.int64]
-NANOSECONDS = 1_000_000_000
 
 
 @dataclass(frozen=True, eq=False)
