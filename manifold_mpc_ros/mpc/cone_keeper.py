@@ -81,15 +81,16 @@ class ConeKeeper:
 
     def search(self, solver: LocalSolver, best: Plan | None, pool: Sequence[Plan],
                deadline_s: float) -> tuple[Plan | None, int]:
-        """Return the best of a plan and those that lead round the cones that it touches.
+        """Return the best of a plan and those that lead round cones, and the passes that it took.
 
-        And the passes that it took: none where it touches no cone.
+        There are none where neither the plan touches a cone nor the straight way crosses one.
         """
-        if self._ways is None or (best is not None and not solver.touches_cone(best)):
+        if self._ways is None:
             return best, 0
         horizon = self._config.horizon
         seen = self._directions_N[[0, horizon // 2, horizon]] @ self._R_ND
-        aims = self._ways.aims(self._kept, seen, solver.attitude)
+        aims = self._ways.aims(self._kept, seen, solver.attitude,
+                               held=best is None or solver.touches_cone(best))
         field = [search.Start((0.0, 0.0, 0.0), False, way) for way in aims]
         free = [plan for plan in pool if plan is not best]
         return search.global_search(solver, field, 0.0, free, deadline_s, known=best)

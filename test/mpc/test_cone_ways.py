@@ -6,7 +6,9 @@ from __future__ import annotations
 
 import itertools
 import math
+import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,6 +24,10 @@ from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.solution import SolveStatus
 from manifold_mpc_ros.terminal.problem_of import terminal_design
+
+sys.path.insert(0, str(Path(__file__).parents[2] / 'benchmarks'))
+
+from cone_problems import problem
 
 Make = Callable[..., AttitudeMpc]
 
@@ -45,7 +51,10 @@ def random_problem(rng: np.random.Generator) -> tuple[AttitudeMpcConfig, Array]:
 
 
 def best_of_many_starts(mpc: AttitudeMpc, R: Array) -> float:
-    """Return the least cost of starts by way of 24 attitudes, dimensionless."""
+    """Return the least cost of starts by way of 24 attitudes, dimensionless.
+
+    The state of the last solve is set; R is its attitude in the target's axes.
+    """
     assert mpc._cones._ways is not None
     solver, plan, best = mpc._strict, mpc._strict.new_plan(), math.inf
     for via in so3.random_rotations(generator('vias'), 24):
@@ -69,6 +78,17 @@ def test_no_way_by_another_attitude_is_better(controller: Make) -> None:
         assert found <= best_of_many_starts(mpc, R) * (1 + 1e-6)
         held += min(cone.margins_rad(plan.R_NB).min() for cone in config.kept_cones) < 1e-4
     assert held >= 3
+
+
+@pytest.mark.parametrize('index', [198, 247, 352, 366])
+def test_ways_that_were_missed_once_are_found(index: int, controller: Make) -> None:
+    """A plan past a cone that touches none, and half turns with a cone near one side."""
+    given = problem(index)
+    mpc = AttitudeMpc(given.config, terminal=controller(**SLOW, cones=[SUN, FAR]).terminal)
+    plan = mpc.solve(given.R_NB, given.omega_BN_B, given.R_ND)
+    assert plan.status == SolveStatus.CONVERGED
+    best = best_of_many_starts(mpc, given.R_ND.T @ given.R_NB)
+    assert plan.cost / mpc._unit.cost <= best * (1 + 1e-6)
 
 
 def test_straight_at_the_middle_of_a_cone_is_gone_round(controller: Make) -> None:

@@ -52,7 +52,7 @@ class CasadiPeer:
             cold['hess_lag'] = _gauss_newton(self._model, nlp, horizon)
         source: Any = nlp
         if compiled:
-            source = _compile(ca.nlpsol('nlp', solver, nlp, cold), Path(self._folder.name))
+            source = library_of(ca.nlpsol('nlp', solver, nlp, cold), Path(self._folder.name))
         self._cold = ca.nlpsol('cold', solver, source, cold)
         self._warm = self._cold if warm == cold else ca.nlpsol('warm', solver, source, warm)
         stage = np.concatenate([_state_limits(), np.full(3, problem.MAX_TORQUE_N_M)])
@@ -161,7 +161,7 @@ def _gauss_newton(model: problem.Model, nlp: dict[str, ca.MX], horizon: int) -> 
                        ['x', 'p', 'lam_f', 'lam_g'], ['hess_gamma_x_x'])
 
 
-def _compile(solver: ca.Function, folder: Path) -> str:
+def library_of(solver: ca.Function, folder: Path) -> str:
     """Return the library of everything that a solver evaluates."""
     source, library = folder / 'nlp.c', folder / 'nlp.so'
     before = Path.cwd()

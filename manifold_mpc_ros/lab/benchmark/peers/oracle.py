@@ -56,25 +56,25 @@ def steps_of(R_NB: Array, omega_BN_B: Array, config: AttitudeMpcConfig) -> Steps
     return Steps(so3.cayley_inverse(turned), lgvi.cayley_step(momenta, config.inertia_kg_m2))
 
 
-def _momentum(c: ca.SX, J: ca.DM, sign: int) -> ca.SX:
+def momentum(c: ca.SX, J: ca.DM, sign: int) -> ca.SX:
     """Return m+(c), the h Pi before a step, or m-(c), the one after it in turned axes."""
     return 2 * (J @ c + sign * ca.cross(c, J @ c)) / (1 + ca.dot(c, c))
 
 
-def _turn(q: ca.SX, c: ca.SX) -> ca.SX:
+def turned(q: ca.SX, c: ca.SX) -> ca.SX:
     """Return the quaternion of ``R(q) cay(c)``."""
     w, v = q[0], q[1:4]
     product = ca.vertcat(w - ca.dot(v, c), v + w * c + ca.cross(v, c))
     return product / ca.sqrt(1 + ca.dot(c, c))
 
 
-def _trace_cost(weight: Array, q: ca.SX) -> ca.SX:
+def trace_cost(weight: Array, q: ca.SX) -> ca.SX:
     """Return ``tr(Q (I - R(q)))`` through ``R(q) = I + 2 w v^x + 2 v^x v^x``, Q symmetric."""
     v = q[1:4]
     return 2 * ca.dot(v, ca.DM(np.trace(weight) * np.eye(3) - weight) @ v)
 
 
-def _log(q: ca.SX) -> ca.SX:
+def log(q: ca.SX) -> ca.SX:
     """Return ``2 atan2(|v|, |w|) v/|v|``, of length pi at 180 degrees, towards identity."""
     length = ca.sqrt(ca.dot(q[1:4], q[1:4]) + 1e-24)
     return ca.if_else(q[0] >= 0, 2, -2) * ca.atan2(length, ca.fabs(q[0])) / length * q[1:4]
@@ -125,8 +125,8 @@ class Oracle:
               ) -> Optimum:
         """Return the local optimum that IPOPT reaches from a starting trajectory."""
         q0 = so3.quaternion_from_rotation(R_NB)
-        momentum = self.config.step_s * self.config.inertia_kg_m2 @ omega_BN_B
-        state = np.concatenate([q0, lgvi.cayley_step(momentum, self.config.inertia_kg_m2)])
+        before = self.config.step_s * self.config.inertia_kg_m2 @ omega_BN_B
+        state = np.concatenate([q0, lgvi.cayley_step(before, self.config.inertia_kg_m2)])
         rows = [start.rates[1:]] if self.config.forcing == 'paper' else [
             start.turns, start.rates[1:]]
         guess = np.stack(rows, axis=1).ravel()
@@ -141,18 +141,18 @@ class Oracle:
         q, rate, torques = state[0:4], state[4:7], []
         weight = ca.DM(np.trace(config.torque_weight) * np.eye(3) - config.torque_weight)
         for k in range(config.horizon):
-            problem.cost += _trace_cost(config.attitude_weight, q)
-            problem.cost += _trace_cost(config.rate_weight, _quaternion(rate)) / h**2
+            problem.cost += trace_cost(config.attitude_weight, q)
+            problem.cost += trace_cost(config.rate_weight, quaternion(rate)) / h**2
             q, rate, torque = self._advance(problem, k, q, rate)
             problem.cost += ca.dot(torque, weight @ torque) / 2
             if config.max_torque_n_m is not None:
                 problem.require(torque, -config.max_torque_n_m, config.max_torque_n_m)
             if config.max_rate_rad_s is not None:
-                momentum = _momentum(rate, ca.DM(config.inertia_kg_m2), 1)
-                omega = ca.DM(np.linalg.inv(config.inertia_kg_m2)) @ momentum / h
+                reached = momentum(rate, ca.DM(config.inertia_kg_m2), 1)
+                omega = ca.DM(np.linalg.inv(config.inertia_kg_m2)) @ reached / h
                 problem.require(omega, -config.max_rate_rad_s, config.max_rate_rad_s)
             torques.append(torque)
-        xi = ca.vertcat(_log(q), _log(_quaternion(rate)) / h)
+        xi = ca.vertcat(log(q), log(quaternion(rate)) / h)
         form = ca.dot(xi, ca.DM(self._P) @ xi)
         problem.cost += form / 2
         if config.terminal_constraint:
@@ -165,15 +165,15 @@ class Oracle:
         J, h = ca.DM(self.config.inertia_kg_m2), self.config.step_s
         if self.config.forcing == 'paper':
             after = problem.unknown(f'd{k + 1}')
-            impulse = _momentum(after, J, 1) - _momentum(rate, J, -1)
-            return _turn(q, rate), after, impulse / h**2
+            impulse = momentum(after, J, 1) - momentum(rate, J, -1)
+            return turned(q, rate), after, impulse / h**2
         turn, after = problem.unknown(f'c{k}'), problem.unknown(f'd{k + 1}')
-        half = _momentum(turn, J, 1) - _momentum(rate, J, 1)
-        problem.require(_momentum(turn, J, -1) + half - _momentum(after, J, 1),
+        half = momentum(turn, J, 1) - momentum(rate, J, 1)
+        problem.require(momentum(turn, J, -1) + half - momentum(after, J, 1),
                         np.zeros(3), np.zeros(3))
-        return _turn(q, turn), after, 2 * half / h**2
+        return turned(q, turn), after, 2 * half / h**2
 
 
-def _quaternion(c: ca.SX) -> ca.SX:
+def quaternion(c: ca.SX) -> ca.SX:
     """Return the unit quaternion of ``cay(c)``."""
     return ca.vertcat(1, c) / ca.sqrt(1 + ca.dot(c, c))
