@@ -139,6 +139,13 @@ def test_stamps_of_another_clock_are_named(stamp_s: float, now_s: float) -> None
     assert 'by another clock than the one here: see use_sim_time of both' in refusal.detail
 
 
+@pytest.mark.parametrize(('age_s', 'another'), [(86400.0, False), (86400.5, True)])
+def test_a_stamp_of_a_day_ago_is_of_this_clock(age_s: float, another: bool) -> None:
+    refusal = gate().admit(at(100.0), ns(100.0 + age_s))
+    assert isinstance(refusal, Refusal)
+    assert ('another clock' in refusal.detail) == another
+
+
 def test_the_first_stamp_of_all_and_time_that_steps_back_by_the_timeout() -> None:
     first = dataclasses.replace(GOOD, stamp_ns=1)
     assert isinstance(gate(timed=False).admit(first, 0), StateSample)

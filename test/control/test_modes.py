@@ -54,6 +54,10 @@ def decided(logic: ModeLogic, facts: Facts) -> Decision:
     (Facts(TIMEOUT_NS + 1, SolveOutcome.USABLE, held=True), Mode.COAST,
      'the state is 0.000 s old'),
     (Facts(3 * 10**9, held=True), Mode.COAST, 'the state is 3.000 s old'),
+    (Facts(PROPAGATE_NS, SolveOutcome.USABLE, refused='no wheels'), Mode.FALLBACK, 'no wheels'),
+    (Facts(PROPAGATE_NS + 1, held=True, refused='no wheels'), Mode.FALLBACK, 'no wheels'),
+    (Facts(PROPAGATE_NS + 1, refused='no wheels'), Mode.COAST,
+     'the state is 0.000 s old, without a plan'),
 ])
 def test_one_tick(facts: Facts, mode: Mode, reason: str) -> None:
     logic = logic_with_state()
@@ -123,8 +127,54 @@ def test_time_that_started_again_is_one_tick_of_zero() -> None:
     assert (decision.mode, decision.reason) == (Mode.WAIT, 'time started again')
     assert decided(logic, GOOD).mode is Mode.NOMINAL
     logic.restart()
+    decided(logic, Facts(None))  # without a state the restart is not over
+    assert decided(logic, GOOD).reason == 'time started again'
+    logic.restart()
     logic.reset()
     assert decided(logic, GOOD).mode is Mode.NOMINAL
+
+
+def test_a_state_that_ages_without_a_plan_is_lost() -> None:
+    logic = logic_with_state()
+    assert decided(logic, Facts(PROPAGATE_NS + 1)).mode is Mode.COAST
+    assert decided(logic, GOOD).reason.startswith('0 of 5 valid states')
+
+
+class Comparison:
+    """Says of the states what a test wants."""
+
+    def __init__(self) -> None:
+        self.is_ready, self.contradiction, self.is_latched = True, '', False
+        self.observed: list[object] = []
+        self.forgotten = 0
+
+    def observe(self, sample: object) -> None:
+        self.observed.append(sample)
+
+    def forget(self) -> None:
+        self.forgotten += 1
+
+
+def test_states_that_contradict_themselves_are_lost_and_latch_in_the_end() -> None:
+    logic, sample = logic_with_state(), object()
+    logic.consistency = states = Comparison()
+    states.is_ready = False
+    assert decided(logic, GOOD).reason == 'comparing attitude and rate of the first states'
+    assert not logic.wants_plan(0)
+    states.is_ready, states.contradiction = True, 'the rate is in deg/s'
+    assert not logic.wants_plan(0)
+    decision = decided(logic, GOOD)
+    assert (decision.mode, decision.reason) == (Mode.COAST, 'the rate is in deg/s')
+    states.contradiction = ''
+    assert decided(logic, GOOD).reason.startswith('0 of 5 valid states')
+    logic.compare(sample)
+    assert states.observed == [sample]
+    assert decided(logic, GOOD).mode is Mode.COAST
+    states.contradiction, states.is_latched = 'the rate is in deg/s', True
+    logic.compare(sample)
+    assert decided(logic, GOOD).reason == 'the rate is in deg/s (zero until ~/reset)'
+    logic.reset()
+    assert states.forgotten == 1
 
 
 def test_errors_in_a_row_latch_and_others_do_not() -> None:

@@ -73,6 +73,33 @@ def test_a_free_axis_needs_no_way_back() -> None:
     assert not gate._returning
 
 
+class Noting(TorqueActuator):
+    """Keeps what it is told of the devices."""
+
+    def observe(self, omega_BN_B: np.ndarray, devices: np.ndarray | None) -> None:
+        self.seen = omega_BN_B, devices
+
+
+def test_the_actuator_is_told_the_rate_and_what_the_devices_report() -> None:
+    actuator = Noting(LIMIT)
+    gate, rate, speeds = OutputGate(actuator), np.ones(3), np.zeros(4)
+    gate.observe(rate)
+    assert actuator.seen == (rate, None)
+    gate.devices = speeds
+    gate.observe(rate)
+    assert actuator.seen[1] is speeds
+    actuator.refusal = 'no wheels'
+    assert gate.refusal == 'no wheels'
+
+
+def test_from_one_end_of_floats_to_the_other_there_is_no_way_back() -> None:
+    gate, end = OutputGate(TorqueActuator(None)), np.full(3, 1.7e308)
+    passed(gate, -end)
+    gate.slew()
+    np.testing.assert_array_equal(passed(gate, end), end)
+    assert not gate._returning
+
+
 @PROPERTY
 @given(torques=st.lists(any_vector, min_size=1, max_size=4), limit=limits, slew=st.booleans())
 def test_whatever_is_asked_for_what_leaves_is_finite_and_within_the_limits(
