@@ -24,6 +24,14 @@ def light(data: dict[str, Any]) -> str:
          for name, what in data['installed'].items()])
 
 
+def lines(data: dict[str, Any]) -> str:
+    """Return how many lines each part has, now and at earlier commits."""
+    return table(['', 'modules', 'lines', 'of them docstrings', 'code'], [
+        [part if when == 'now' else f'{part}, at {when}',
+         *(f'{kinds[kind]:,}' for kind in ('files', 'lines', 'docstrings', 'code'))]
+        for when, parts in data.items() for part, kinds in parts.items() if ':' not in part])
+
+
 def fleet(data: dict[str, Any]) -> str:
     """Return what became of several spacecraft, and what they cost."""
     return table(

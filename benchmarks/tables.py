@@ -17,7 +17,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from program_tables import cones, fleet, joblib, light, mcap, table
+from program_tables import cones, fleet, joblib, light, lines, mcap, table
 
 TOP = Path(__file__).resolve().parent.parent
 PAGES = (TOP / 'README.md', *(TOP / 'docs' / f'{name}.md' for name in (
@@ -216,7 +216,8 @@ TABLES: dict[str, tuple[str, Callable[..., str]]] = {
     'ticks': ('tick', lambda data: _with_picture(ticks(data), 'tick')),
     'tick-machine': ('tick', machine),
     'instructions': ('instructions', counts),
-    'batch': ('batch', loops), 'light': ('light', light), 'fleet': ('fleet', fleet),
+    'batch': ('batch', loops), 'light': ('light', light), 'lines': ('lines', lines),
+    'fleet': ('fleet', fleet),
     'cones': ('cones', cones),
     'mcap': ('libraries', mcap), 'joblib': ('libraries', joblib),
 }
@@ -224,7 +225,7 @@ COMMANDS = {'bench': 'make bench', 'tick': 'manifold-mpc bench --tick',
             'instructions': 'manifold-mpc bench --instructions',
             'batch': 'manifold-mpc bench --batch', 'light': 'python benchmarks/light.py',
             'libraries': 'python benchmarks/libraries.py', 'fleet': 'python benchmarks/fleet.py',
-            'cones': 'python benchmarks/cones.py',
+            'cones': 'python benchmarks/cones.py', 'lines': 'python benchmarks/lines.py',
             'chaos': 'manifold-mpc chaos'}
 
 
