@@ -106,11 +106,6 @@ def preset_names() -> list[str]:
     return sorted(path.stem for path in PRESETS.glob('*.yaml'))
 
 
-def is_shipped_state(given: str) -> bool:
-    """Say whether states come as the simulator publishes them unless it is told otherwise."""
-    return EARLIER_NAMES.get(given, given) in SHIPPED_STATES
-
-
 @functools.lru_cache(64)
 def state_description(given: str, parameter: str = 'state_source') -> StateDescription:
     """Return how states come, by the name of a shipped description or the path of a YAML file.

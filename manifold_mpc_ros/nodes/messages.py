@@ -48,11 +48,6 @@ def to_torque(stamp_ns: int, torque_B: FloatArray, body_frame_id: str) -> Wrench
     return message
 
 
-def from_torque(message: WrenchStamped) -> tuple[float, float, float]:
-    """Return the torque of a wrench."""
-    return vector_values(message.wrench.torque)
-
-
 def vector_values(vector: Vector3) -> tuple[float, float, float]:
     """Return the components x, y, z."""
     return (vector.x, vector.y, vector.z)

@@ -75,7 +75,7 @@ def test_an_imu_without_orientation_or_rate_says_so() -> None:
 def test_a_torque_has_no_force() -> None:
     wrench = messages.to_torque(STAMP_NS, np.array([0.1, -0.2, 0.3]), 'base_link')
     assert messages.nanoseconds(wrench.header.stamp) == STAMP_NS
-    assert messages.from_torque(wrench) == (0.1, -0.2, 0.3)
+    assert messages.vector_values(wrench.wrench.torque) == (0.1, -0.2, 0.3)
     force = wrench.wrench.force
     assert (force.x, force.y, force.z) == (0.0, 0.0, 0.0)
 

@@ -168,7 +168,8 @@ class Probe:
 
 def _torque_of(data: bytes) -> np.ndarray:
     """Return the torque of a serialized wrench."""
-    return np.array(messages.from_torque(deserialize_message(data, WrenchStamped)))
+    return np.array(messages.vector_values(
+        deserialize_message(data, WrenchStamped).wrench.torque))
 
 
 def main(argument: str) -> int:

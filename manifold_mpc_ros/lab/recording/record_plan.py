@@ -11,7 +11,6 @@ from manifold_mpc_ros.config.description import (
     CommandMessage,
     Part,
     command_description,
-    is_shipped_state,
     setpoint_description,
     state_description,
 )
@@ -20,7 +19,7 @@ from manifold_mpc_ros.config.tables import CONTROLLER_NAME, SIMULATOR_NAME
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lab.parameter_files import parameter_file_text
 from manifold_mpc_ros.lab.recording.scenarios.parts import LinkFault
-from manifold_mpc_ros.lab.recording.scenarios.scenario import Scenario
+from manifold_mpc_ros.lab.recording.scenarios.scenario import Scenario, is_shipped_state
 
 PATH = 'nav_msgs/msg/Path'
 #: What a topic is called behind a link.

@@ -18,7 +18,6 @@ from typing import Any
 from manifold_mpc_ros.config.description import (
     PLAIN,
     command_description,
-    is_shipped_state,
     setpoint_description,
     state_description,
 )
@@ -36,6 +35,7 @@ from manifold_mpc_ros.lab.recording.bags.contents import (
     stamp_ns_of,
 )
 from manifold_mpc_ros.lab.recording.bags.definitions import types_of
+from manifold_mpc_ros.lab.recording.scenarios.scenario import is_shipped_state
 
 #: What the messages are called, and their frames, as `manifold-mpc record` has them.
 CLOCK = '/clock'

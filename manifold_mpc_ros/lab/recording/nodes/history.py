@@ -111,7 +111,7 @@ class Recorder(Listener):
     def _on_torque(self, message: WrenchStamped) -> None:
         """Record a command."""
         self._torque_stamps_ns.append(messages.nanoseconds(message.header.stamp))
-        self._torques.append(messages.from_torque(message))
+        self._torques.append(messages.vector_values(message.wrench.torque))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         """Remember what the controller last said about itself."""

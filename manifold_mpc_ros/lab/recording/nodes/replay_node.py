@@ -136,7 +136,7 @@ class Replayer(Listener):
     def _on_torque(self, message: WrenchStamped) -> None:
         """Keep the first answer to each state."""
         self.torques.setdefault(messages.nanoseconds(message.header.stamp),
-                                np.array(messages.from_torque(message)))
+                                np.array(messages.vector_values(message.wrench.torque)))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         """Remember what the controller last said about itself."""

@@ -12,7 +12,7 @@ from typing import Any
 
 from manifold_mpc_ros.config.control_law import SimulatorConfig
 from manifold_mpc_ros.config.controller import ControllerConfig
-from manifold_mpc_ros.config.description import SHIPPED_STATES, is_shipped_state
+from manifold_mpc_ros.config.description import EARLIER_NAMES, SHIPPED_STATES
 from manifold_mpc_ros.config.parameter import Value, resolve_parameters
 from manifold_mpc_ros.config.tables import CONTROLLER_PARAMETERS, SIMULATOR_PARAMETERS
 from manifold_mpc_ros.config.yaml_file import parse_mapping, read_text
@@ -41,6 +41,11 @@ DECIDED_AT_SIMULATOR = {
     **DECIDED_BY_TIME, 'state_sinks': 'controller.state_source',
     'command_source': 'controller.command_sink',
     'full_scale_torque_n_m': 'controller.full_scale_torque_n_m'}
+
+
+def is_shipped_state(state_source: str) -> bool:
+    """Say whether states come as the simulator publishes them unless it is told otherwise."""
+    return EARLIER_NAMES.get(state_source, state_source) in SHIPPED_STATES
 
 
 @dataclass(frozen=True, eq=False)
