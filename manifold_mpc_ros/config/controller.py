@@ -14,6 +14,7 @@ from manifold_mpc_ros.config.cones import check_target, cone_topics
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.description import (
     command_description,
+    is_text,
     setpoint_description,
     state_description,
 )
@@ -99,7 +100,7 @@ class ControllerConfig:
     @property
     def state_name(self) -> str:
         """What refused states are counted under: the description, without the way to its file."""
-        return Path(self.state_source).stem
+        return 'state' if is_text(self.state_source) else Path(self.state_source).stem
 
     @property
     def state_timeout_s(self) -> float:

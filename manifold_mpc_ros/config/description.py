@@ -32,6 +32,8 @@ PLAIN = 'nav'
 EARLIER_NAMES = {'odometry': PLAIN}
 #: States that the simulator publishes unless it is told otherwise.
 SHIPPED_STATES = (PLAIN, 'imu')
+#: Parameters of the controller that are descriptions.
+DESCRIBED = ('state_source', 'setpoint_source', 'command_sink')
 RECEIPT = 'receipt'
 #: Units of a stamp that is a number [ns]; 0 is a time.
 STAMP_UNITS_NS = {'time': 0, 's': 10**9, 'ms': 10**6, 'us': 10**3, 'ns': 1}
@@ -147,6 +149,21 @@ def command_description(
                           document.install).command() for index, each in enumerate(listed))
 
 
+def is_text(given: str) -> bool:
+    """Say whether a description is YAML itself, in lines, and neither a name nor a path."""
+    return '\n' in given
+
+
+@functools.lru_cache(64)
+def text_of(given: str) -> str:
+    """Return the YAML of a description that is a file, which says the same anywhere."""
+    return read_text(given, 'description') if _is_path(given) and not is_text(given) else given
+
+
+def _is_path(given: str) -> bool:
+    return given.endswith(('.yaml', '.yml'))
+
+
 def steps_of(key: str, path: object) -> Steps:
     """Return the steps of a path; raises ConfigurationError naming ``key``."""
     if not isinstance(path, str) or not _PATH.fullmatch(path):
@@ -158,15 +175,16 @@ def _document(parameter: str, given: str, key: str) -> _Section:
     """Return a description that has a key."""
     name = EARLIER_NAMES.get(given, given)
     shipped = preset_names()
-    if name not in shipped and not given.endswith(('.yaml', '.yml')):
+    if name not in shipped and not is_text(given) and not _is_path(given):
         of_key = [each for each in shipped if re.search(
             rf'^{key}:', (PRESETS / f'{each}.yaml').read_text(encoding='utf-8'), re.MULTILINE)]
         names = ', '.join(map(repr, [*EARLIER_NAMES, *of_key]))
         raise ConfigurationError(parameter, given, f'one of {names}, or your own YAML file')
     path = PRESETS / f'{name}.yaml' if name in shipped else Path(given)
-    document = _Section(path.name, parse_mapping(
-        read_text(path, parameter), 'description', str(path)),
-        ('state', 'setpoint', 'command', 'install'), {})
+    source, text = (parameter, given) if is_text(given) else (
+        str(path), read_text(path, parameter))
+    document = _Section(Path(source).name, parse_mapping(text, 'description', source),
+                        ('state', 'setpoint', 'command', 'install'), {})
     if key not in document.values:
         raise ConfigurationError(parameter, given, f'a description with the key {key!r}')
     document.install = document.values.get('install', {})

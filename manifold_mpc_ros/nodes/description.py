@@ -16,6 +16,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
+from manifold_mpc_ros.config.description import DESCRIBED, text_of
 from manifold_mpc_ros.config.interfaces import DESCRIPTION
 from manifold_mpc_ros.config.parameter import Value
 
@@ -39,7 +40,9 @@ class Description:
         """Say what is in force now."""
         self._publisher.publish(String(data=json.dumps({
             'node': self._node.get_fully_qualified_name(), 'versions': _versions(),
-            'backend': backend, 'parameters': dict(parameters)}, sort_keys=True)))
+            'backend': backend, 'parameters': {
+                name: text_of(str(value)) if name in DESCRIBED else value
+                for name, value in parameters.items()}}, sort_keys=True)))
 
 
 def _versions() -> dict[str, str]:

@@ -7,6 +7,7 @@ And the simulator speaks as a stack: such a run is recorded, judged, replayed an
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -24,6 +25,7 @@ if message_packages.missing():
 from stacks import FULL_SCALE, PLANTS, Px4, built
 
 from manifold_mpc_ros.cli.processes import node_environment
+from manifold_mpc_ros.config.description import PRESETS
 
 if TYPE_CHECKING:
     from harness import Rig
@@ -83,8 +85,11 @@ def test_a_run_in_the_messages_of_a_stack_is_recorded_judged_and_replayed(
     packages: Path, tmp_path: Path, stack: str, setpoints: str, time: str,
 ) -> None:
     """The bag alone says what its messages mean; in lockstep its torques come again."""
+    mine = tmp_path / 'mine.yaml'
+    shutil.copy(PRESETS / f'{stack}.yaml', mine)
     (tmp_path / 'run.yaml').write_text(SCENARIO.format(
-        stack=stack, setpoints=setpoints, time=time), encoding='utf-8')
+        stack='mine.yaml' if stack == 'basilisk' else stack, setpoints=setpoints, time=time,
+    ), encoding='utf-8')
     environment = dict(node_environment(0), PYTHONPATH=str(packages),
                        AMENT_PREFIX_PATH=str(packages))
 
@@ -96,6 +101,7 @@ def test_a_run_in_the_messages_of_a_stack_is_recorded_judged_and_replayed(
         return done.stdout
 
     verb('record', 'run.yaml', '-o', 'bag')
+    mine.unlink()
     assert 'final_error_deg' in verb('check', 'bag')
     if stack == 'basilisk':
         assert 'every bit is the same' in verb('replay', 'bag')

@@ -187,7 +187,7 @@ class AttitudeControllerNode(ManagedNode):
             return 'waiting for time on /clock'
         latest = self.refusals.latest
         refused = f' (refused: {latest})' if latest else ''
-        return f'waiting for the first valid state on {self._config.state_source}{refused}'
+        return f'waiting for the first valid state on {self._config.state_name}{refused}'
 
     def _now_ns(self) -> int:
         """Return the time of the node's clock, simulated or not."""

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from manifold_mpc_ros.config.description import (
+    DESCRIBED,
     PLAIN,
     command_description,
     setpoint_description,
@@ -58,8 +59,7 @@ class StackDescriptions:
     @classmethod
     def of(cls, parameters: Mapping[str, Any]) -> StackDescriptions | None:
         """Return what a controller with these parameters spoke, None for the shipped messages."""
-        given = {name: str(parameters.get(name, PLAIN)) for name in (
-            'state_source', 'setpoint_source', 'command_sink')}
+        given = {name: str(parameters.get(name, PLAIN)) for name in DESCRIBED}
         theirs = {name: text for name, text in given.items() if not (
             is_shipped_state(text) if name == 'state_source' else text == PLAIN)}
         return cls(**theirs, full_scale_torque_n_m=tuple(

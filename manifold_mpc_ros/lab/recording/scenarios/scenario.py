@@ -10,9 +10,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from manifold_mpc_ros.config.control_law import SimulatorConfig
 from manifold_mpc_ros.config.controller import ControllerConfig
-from manifold_mpc_ros.config.description import EARLIER_NAMES, SHIPPED_STATES
+from manifold_mpc_ros.config.description import (
+    DESCRIBED,
+    EARLIER_NAMES,
+    SHIPPED_STATES,
+    text_of,
+)
 from manifold_mpc_ros.config.parameter import Value, resolve_parameters
 from manifold_mpc_ros.config.tables import CONTROLLER_PARAMETERS, SIMULATOR_PARAMETERS
 from manifold_mpc_ros.config.yaml_file import parse_mapping, read_text
@@ -74,8 +81,20 @@ class Scenario:
 
     @classmethod
     def from_yaml(cls, path: str | Path) -> Scenario:
-        """Read a scenario file; its name is the file's, without ``.yaml``."""
-        return cls.from_text(read_text(path, 'scenario'), Path(path).stem, str(path))
+        """Read a scenario file; its name is the file's, without ``.yaml``.
+
+        Files of descriptions, beside it, become a part of its text.
+        """
+        text = read_text(path, 'scenario')
+        given = parse_mapping(text, 'scenario', str(path))
+        controller = given.get('controller')
+        if isinstance(controller, dict):
+            files = {name: text_of(str(Path(path).parent / str(controller[name])))
+                     for name in DESCRIBED
+                     if str(controller.get(name)).endswith(('.yaml', '.yml'))}
+            controller.update(files)
+            text = yaml.safe_dump(given, sort_keys=False) if files else text
+        return cls.from_text(text, Path(path).stem, str(path))
 
     @classmethod
     def from_text(cls, text: str, name: str, source: str = 'scenario') -> Scenario:
