@@ -33,6 +33,8 @@ ACTUATORS = {'torque': 'manifold_mpc_ros.control.actuator:TorqueActuator',
 #: What the controller subscribes to and the simulator publishes with ``actuators.kind: wheels``.
 WHEEL_STATES = ('wheel_states', 'sensor_msgs/msg/JointState', 'speeds of wheels [rad/s]')
 
+#: What every node hears of the time.
+CLOCK = ('/clock', 'rosgraph_msgs/msg/Clock', 'time, with use_sim_time')
 #: What every node says of itself.
 DESCRIPTION = ('~/description', 'std_msgs/msg/String', 'parameters, versions; latched')
 #: What each lifecycle node publishes and subscribes to with ``bond_period_s``.

@@ -10,7 +10,7 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from manifold_mpc_ros.config.interfaces import Interfaces
+from manifold_mpc_ros.config.interfaces import BOND, CLOCK, DESCRIPTION, Interfaces
 from manifold_mpc_ros.config.parameter import ParameterSpec, Value
 
 _WIDTH = 97
@@ -21,7 +21,7 @@ class Program:
     """One executable: its names, its parameters, and the topics and services of its own.
 
     The help and the security policies (config/sros2) are made from it. What every lifecycle node
-    has (transitions, parameters, /rosout) is not listed.
+    of ROS has (transitions, parameters, /rosout) is not listed.
     """
 
     executable: str
@@ -31,6 +31,20 @@ class Program:
     subscribes: Interfaces
     publishes: Interfaces
     replies: Interfaces
+
+    @classmethod
+    def managed(
+        cls, executable: str, node_name: str, summary: str, parameters: tuple[ParameterSpec, ...],
+        *, subscribes: Interfaces = (), publishes: Interfaces, diagnostics: str, reset: str,
+        pause: str,
+    ) -> Program:
+        """Return the program of a `ManagedNode`, with what each has and what it means here."""
+        return cls(
+            executable, node_name, summary, parameters, (*subscribes, CLOCK, BOND),
+            (*publishes, ('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', diagnostics),
+             BOND, DESCRIPTION),
+            (('~/reset', 'std_srvs/srv/Trigger', reset),
+             ('~/pause', 'std_srvs/srv/SetBool', pause)))
 
 
 @dataclass(frozen=True)

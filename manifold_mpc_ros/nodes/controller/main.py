@@ -8,8 +8,6 @@ import sys
 from collections.abc import Sequence
 
 from manifold_mpc_ros.config.interfaces import (
-    BOND,
-    DESCRIPTION,
     WHEEL_STATES,
     command_topics,
     setpoint_topics,
@@ -19,12 +17,12 @@ from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETER
 from manifold_mpc_ros.nodes.process import run
 from manifold_mpc_ros.nodes.usage import Program
 
-PROGRAM = Program(
-    executable='controller',
-    node_name=CONTROLLER_NAME,
-    summary='Rotate a spacecraft from any attitude to the commanded one, by model predictive '
-            'control on SO(3).',
-    parameters=CONTROLLER_PARAMETERS,
+PROGRAM = Program.managed(
+    'controller',
+    CONTROLLER_NAME,
+    'Rotate a spacecraft from any attitude to the commanded one, by model predictive '
+    'control on SO(3).',
+    CONTROLLER_PARAMETERS,
     subscribes=(
         *state_topics(),
         *setpoint_topics(),
@@ -32,22 +30,16 @@ PROGRAM = Program(
         ('direction_setpoint', 'geometry_msgs/msg/Vector3Stamped', 'commanded direction'),
         ('odometry_setpoint', 'nav_msgs/msg/Odometry', 'commanded attitude that moves on'),
         ('reference', 'trajectory_msgs/msg/MultiDOFJointTrajectory', 'commanded attitudes'),
-        ('/clock', 'rosgraph_msgs/msg/Clock', 'time, with use_sim_time'),
-        BOND,
     ),
     publishes=(
         *command_topics(),
         *command_topics('wheels'),
         ('~/prediction', 'nav_msgs/msg/Path', 'predicted attitudes'),
         ('~/disturbance', 'geometry_msgs/msg/WrenchStamped', 'estimated disturbance torque'),
-        ('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'mode, solver, refusals'),
-        BOND,
-        DESCRIPTION,
     ),
-    replies=(
-        ('~/reset', 'std_srvs/srv/Trigger', 'forget state, setpoint and warm start'),
-        ('~/pause', 'std_srvs/srv/SetBool', 'true: command zero torque'),
-    ),
+    diagnostics='mode, solver, refusals',
+    reset='forget state, setpoint and warm start',
+    pause='true: command zero torque',
 )
 
 
