@@ -84,11 +84,8 @@ GUIDANCE_PARAMETERS: tuple[ParameterSpec, ...] = (
 class GuidanceConfig:
     """Everything that ``config/guidance.yaml`` says; its comments describe each field.
 
-    Raises
-    ------
-    ConfigurationError
-        For axes that are parallel, a quaternion that is none, or a TLE of other than two lines.
-
+    Raises ConfigurationError for axes that are parallel, a quaternion that is none, or a TLE of
+    other than two lines.
     """
 
     mode: str

@@ -34,11 +34,7 @@ _KEPLER_STEPS = 12
 def orbit_of(config: GuidanceConfig) -> Orbit:
     """Return the orbit of a TLE where there is one, else of Kepler's elements.
 
-    Raises
-    ------
-    ConfigurationError
-        For a TLE without sgp4, and for one that sgp4 does not take.
-
+    Raises ConfigurationError for a TLE without sgp4, and for one that sgp4 does not take.
     """
     if config.tle == ['none']:
         return lambda times_ns: _kepler(config, times_ns)
