@@ -5,10 +5,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -27,14 +26,13 @@ from manifold_mpc_ros.config.parameter import (
     Value,
     by_field,
     named_as_parameter,
-    resolve_parameters,
+    read_values,
 )
 from manifold_mpc_ros.config.rate_limits import RateBox, RateEllipsoid, RateLimit
 from manifold_mpc_ros.config.simulator import SimulatorConfig
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
 from manifold_mpc_ros.config.wheel_parameters import wheels_of
 from manifold_mpc_ros.config.wheels import WheelArray
-from manifold_mpc_ros.config.yaml_file import read_parameter_file
 from manifold_mpc_ros.errors import ConfigurationError
 
 __all__ = ['AttitudeMpcConfig', 'SimulatorConfig', 'MAX_STEP_ANGLE_RAD']
@@ -160,15 +158,12 @@ class AttitudeMpcConfig:
     @classmethod
     def from_yaml(cls, path: str | Path) -> AttitudeMpcConfig:
         """Read the controller's ROS parameter file, every key of it checked; needs no ROS."""
-        given = read_parameter_file(path, CONTROLLER_NAME)
-        return cls.from_parameters(
-            resolve_parameters(CONTROLLER_PARAMETERS, given, complete=True))
+        return cls.from_parameters(read_values(path, CONTROLLER_NAME, CONTROLLER_PARAMETERS))
 
     @classmethod
     def from_parameters(cls, values: Mapping[str, Value]) -> AttitudeMpcConfig:
         """Build from the node's checked parameters; errors carry the parameters' names."""
-        chosen: dict[str, Any] = by_field(
-            CONTROLLER_PARAMETERS, values, (entry.name for entry in fields(cls)))
+        chosen = by_field(CONTROLLER_PARAMETERS, values, cls)
         try:
             return cls(wheels=wheels_of(values), cones=cones_from(values), **chosen)
         except ConfigurationError as error:

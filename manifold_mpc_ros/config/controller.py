@@ -5,9 +5,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from manifold_mpc_ros.config import checks as checks
 from manifold_mpc_ros.config.cones import check_target, cone_topics
@@ -18,9 +17,8 @@ from manifold_mpc_ros.config.description import (
     setpoint_description,
     state_description,
 )
-from manifold_mpc_ros.config.parameter import Value, by_field, resolve_parameters
+from manifold_mpc_ros.config.parameter import Value, by_field, read_values
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
-from manifold_mpc_ros.config.yaml_file import read_parameter_file
 from manifold_mpc_ros.errors import ConfigurationError
 
 #: A torque that acts later than this many steps after its command is not planned for.
@@ -76,15 +74,12 @@ class ControllerConfig:
     @classmethod
     def from_yaml(cls, path: str | Path) -> ControllerConfig:
         """Read the controller's ROS parameter file, every key of it checked; needs no ROS."""
-        given = read_parameter_file(path, CONTROLLER_NAME)
-        return cls.from_parameters(
-            resolve_parameters(CONTROLLER_PARAMETERS, given, complete=True))
+        return cls.from_parameters(read_values(path, CONTROLLER_NAME, CONTROLLER_PARAMETERS))
 
     @classmethod
     def from_parameters(cls, values: Mapping[str, Value]) -> ControllerConfig:
         """Build from the node's checked parameters; raises ConfigurationError."""
-        chosen: dict[str, Any] = by_field(
-            CONTROLLER_PARAMETERS, values, (entry.name for entry in fields(cls)))
+        chosen = by_field(CONTROLLER_PARAMETERS, values, cls)
         state_description(chosen['state_source'])
         setpoint_description(chosen['setpoint_source'])
         mpc = AttitudeMpcConfig.from_parameters(values)

@@ -5,8 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -127,6 +126,5 @@ class GuidanceConfig:
     @classmethod
     def from_parameters(cls, values: Mapping[str, Value]) -> GuidanceConfig:
         """Build from the node's checked parameters; raises ConfigurationError."""
-        chosen: dict[str, Any] = by_field(
-            GUIDANCE_PARAMETERS, values, (field.name for field in fields(cls)))
+        chosen = by_field(GUIDANCE_PARAMETERS, values, cls)
         return cls(**chosen)

@@ -6,11 +6,13 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import Any, Literal
 
 from manifold_mpc_ros.config import checks as checks
+from manifold_mpc_ros.config.yaml_file import read_parameter_file
 from manifold_mpc_ros.errors import ConfigurationError
 
 Kind = Literal['float', 'int', 'bool', 'str', 'floats', 'strs', 'names']
@@ -177,11 +179,18 @@ def refuse_unknown(specs: Sequence[ParameterSpec], given: Mapping[str, Any]) -> 
             name, value, f'a parameter that exists (unknown key; the nearest is {nearest!r})')
 
 
+def read_values(
+    path: str | Path, node_name: str, specs: Sequence[ParameterSpec],
+) -> dict[str, Value]:
+    """Return the checked values of a node in a ROS parameter file, complete; needs no ROS."""
+    return resolve_parameters(specs, read_parameter_file(path, node_name), complete=True)
+
+
 def by_field(
-    specs: Sequence[ParameterSpec], values: Mapping[str, Value], fields: Iterable[str],
+    specs: Sequence[ParameterSpec], values: Mapping[str, Value], config: type[Any],
 ) -> dict[str, Any]:
-    """Return the values that belong to ``fields`` of a configuration class, by field name."""
-    wanted = set(fields)
+    """Return the values that belong to fields of a configuration class, by field name."""
+    wanted = {entry.name for entry in fields(config)}
     return {spec.field: values[spec.name] for spec in specs if spec.field in wanted}
 
 

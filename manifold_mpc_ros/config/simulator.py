@@ -5,9 +5,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -26,11 +25,10 @@ from manifold_mpc_ros.config.parameter import (
     Value,
     by_field,
     named_as_parameter,
-    resolve_parameters,
+    read_values,
 )
 from manifold_mpc_ros.config.tables import SIMULATOR_NAME, SIMULATOR_PARAMETERS
 from manifold_mpc_ros.config.wheel_motors import WheelMotors
-from manifold_mpc_ros.config.yaml_file import read_parameter_file
 from manifold_mpc_ros.errors import ConfigurationError
 
 #: The least time that a command stays in force, whatever the control period [s].
@@ -106,15 +104,12 @@ class SimulatorConfig:
     @classmethod
     def from_yaml(cls, path: str | Path) -> SimulatorConfig:
         """Read the simulator's ROS parameter file, every key of it checked; needs no ROS."""
-        given = read_parameter_file(path, SIMULATOR_NAME)
-        return cls.from_parameters(
-            resolve_parameters(SIMULATOR_PARAMETERS, given, complete=True))
+        return cls.from_parameters(read_values(path, SIMULATOR_NAME, SIMULATOR_PARAMETERS))
 
     @classmethod
     def from_parameters(cls, values: Mapping[str, Value]) -> SimulatorConfig:
         """Build from the node's checked parameters; errors carry the parameters' names."""
-        chosen: dict[str, Any] = by_field(
-            SIMULATOR_PARAMETERS, values, (field.name for field in fields(cls)))
+        chosen = by_field(SIMULATOR_PARAMETERS, values, cls)
         try:
             return cls(wheel_motors=WheelMotors.from_parameters(values),
                        orbit=CircularOrbit.from_parameters(values), **chosen)

@@ -13,9 +13,13 @@ from manifold_mpc_ros.cli import arguments as shared
 from manifold_mpc_ros.cli import provenance
 from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.config.description import PLAIN
-from manifold_mpc_ros.config.parameter import Value, resolve_parameters, with_named
+from manifold_mpc_ros.config.parameter import (
+    Value,
+    read_values,
+    resolve_parameters,
+    with_named,
+)
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
-from manifold_mpc_ros.config.yaml_file import read_parameter_file
 from manifold_mpc_ros.lab.parameter_files import parameter_file_text
 
 if TYPE_CHECKING:
@@ -143,5 +147,4 @@ def _parameters(recorded: BagRun, config_file: Path | None) -> dict[str, Value]:
         given = {**(scenario.controller_parameters if scenario else {}), **known}
         return resolve_parameters(CONTROLLER_PARAMETERS, given, complete=False)
     path = shared.controller_config_path(config_file)
-    return resolve_parameters(
-        CONTROLLER_PARAMETERS, read_parameter_file(path, CONTROLLER_NAME), complete=True)
+    return read_values(path, CONTROLLER_NAME, CONTROLLER_PARAMETERS)
