@@ -227,3 +227,12 @@ def _number_above(key: str, value: object, low: float, *, strict: bool) -> float
 def _numbers(values: npt.NDArray[Any]) -> str:
     """Return ``values`` as short text."""
     return ', '.join(f'{value:.6g}' for value in values)
+
+
+def each_positive(key: str, value: object, n: int, *, infinite: bool = False) -> FloatArray:
+    """Return (n,) positive numbers from as many, or from one."""
+    valid = f'one positive number, or {n}'
+    given = array(key, value, valid, infinite=infinite)
+    if given.shape not in ((), (1,), (n,)) or not (given > 0.0).all():
+        raise ConfigurationError(key, value, valid)
+    return frozen(np.array(np.broadcast_to(given, (n,))))

@@ -31,6 +31,7 @@ from manifold_mpc_ros.config.parameter import (
 from manifold_mpc_ros.config.rate_limits import RateBox, RateEllipsoid, RateLimit
 from manifold_mpc_ros.config.simulator import SimulatorConfig
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
+from manifold_mpc_ros.config.thrusters import ThrusterArray
 from manifold_mpc_ros.config.wheel_parameters import wheels_of
 from manifold_mpc_ros.config.wheels import WheelArray
 from manifold_mpc_ros.errors import ConfigurationError
@@ -89,6 +90,8 @@ class AttitudeMpcConfig:
     wheels
         Reaction wheels (:class:`.WheelArray`) that give the torque; None for torque by other
         devices. J is then the body's inertia without that of the wheels about their axes.
+    thrusters
+        On/off thrusters (:class:`.ThrusterArray`) that give the torque, within ``max_torque_n_m``.
 
     Raises ConfigurationError naming the first field that is invalid, its value and what would be
     valid.
@@ -114,6 +117,7 @@ class AttitudeMpcConfig:
     pointing_weight: float = 2.0
     cones: Sequence[Cone] = ()
     wheels: WheelArray | None = None
+    thrusters: ThrusterArray | None = None
 
     def __post_init__(self) -> None:
         """Check every field, then what the fields together have to satisfy."""
@@ -165,7 +169,8 @@ class AttitudeMpcConfig:
         """Build from the node's checked parameters; errors carry the parameters' names."""
         chosen = by_field(CONTROLLER_PARAMETERS, values, cls)
         try:
-            return cls(wheels=wheels_of(values), cones=cones_from(values), **chosen)
+            return cls(wheels=wheels_of(values), thrusters=ThrusterArray.from_parameters(values),
+                       cones=cones_from(values), **chosen)
         except ConfigurationError as error:
             raise named_as_parameter(CONTROLLER_PARAMETERS, error) from None
 

@@ -90,7 +90,8 @@ class ControllerConfig:
     @property
     def command_sinks(self) -> tuple[str, ...]:
         """The descriptions of what is published of a command."""
-        return (self.command_sink, 'wheels') if self.actuator == 'wheels' else (self.command_sink,)
+        devices = () if self.actuator == 'torque' else (self.actuator,)
+        return (self.command_sink, *devices)
 
     @property
     def state_name(self) -> str:

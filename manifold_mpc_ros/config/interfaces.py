@@ -28,7 +28,8 @@ Interfaces = tuple[tuple[str, str, str], ...]
 #: What turns the body, by the value of the parameter ``actuators.kind``: 'module:Class' of an
 #: `Actuator` (control/actuator.py), imported when it is used.
 ACTUATORS = {'torque': 'manifold_mpc_ros.control.actuator:TorqueActuator',
-             'wheels': 'manifold_mpc_ros.control.wheels.actuator:WheelActuator'}
+             'wheels': 'manifold_mpc_ros.control.wheels.actuator:WheelActuator',
+             'thrusters': 'manifold_mpc_ros.control.thruster_actuator:ThrusterActuator'}
 
 #: What the controller subscribes to and the simulator publishes with ``actuators.kind: wheels``.
 WHEEL_STATES = ('wheel_states', 'sensor_msgs/msg/JointState', 'speeds of wheels [rad/s]')
@@ -91,6 +92,7 @@ def setpoint_topics(given: str = PLAIN) -> Interfaces:
 
 def command_topics(given: str = PLAIN) -> Interfaces:
     """Return name, type and meaning of the topics of commands."""
-    meaning = f'torque of {given} [N m]' if given == 'wheels' else 'body torque [N m]'
+    meaning = {'wheels': 'torque of wheels [N m]', 'thrusters': 'on-times of thrusters [s]'}.get(
+        given, 'body torque [N m]')
     return tuple((message.topic, message.message_type, meaning)
                  for message in command_description(given))

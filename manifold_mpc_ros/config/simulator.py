@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,7 +29,8 @@ from manifold_mpc_ros.config.parameter import (
     read_values,
 )
 from manifold_mpc_ros.config.tables import SIMULATOR_NAME, SIMULATOR_PARAMETERS
-from manifold_mpc_ros.config.wheel_motors import WheelMotors
+from manifold_mpc_ros.config.thrusters import ThrusterArray
+from manifold_mpc_ros.config.wheel_parameters import WheelMotors
 from manifold_mpc_ros.errors import ConfigurationError
 
 #: The least time that a command stays in force, whatever the control period [s].
@@ -44,8 +46,9 @@ class SimulatorConfig:
     ``state_period_s``, ``control_period_s`` and ``actuation_delay_s`` are multiples of ``step_s``;
     a command counts as zero after ``command_timeout_periods`` control periods, 0.15 s at the
     least. With ``wheel_motors`` a command is one motor torque a wheel, and ``max_torque_n_m``
-    limits nothing. On an ``orbit`` gravity gradient acts. The parameters of
-    ``config/simulator.yaml`` describe each field with its unit and range.
+    limits nothing; with ``thrusters`` one on-time a thruster. On an ``orbit`` gravity
+    gradient acts. The parameters of ``config/simulator.yaml`` describe each field with its unit
+    and range.
 
     Raises ConfigurationError naming the first field that is invalid, its value and what would be
     valid.
@@ -75,6 +78,8 @@ class SimulatorConfig:
     autostart: bool = True
     wheel_motors: WheelMotors | None = None
     orbit: CircularOrbit | None = None
+    thrusters: ThrusterArray | None = None
+    thruster_off_from_s: FloatArray = math.inf  # type: ignore[assignment]
     state_sinks: Sequence[str] = SHIPPED_STATES
     command_source: str = PLAIN
     full_scale_torque_n_m: Sequence[float] = (np.inf,)
@@ -98,6 +103,9 @@ class SimulatorConfig:
             'command_timeout_periods', self.command_timeout_periods, low=1))
         for name in ('publish_clock', 'lockstep', 'autostart'):
             self._store(name, checks.boolean(name, getattr(self, name)))
+        n = 1 if self.thrusters is None else len(self.thrusters)
+        self._store('thruster_off_from_s', checks.each_positive(
+            'thruster_off_from_s', self.thruster_off_from_s, n, infinite=True))
         self._check_timing()
         self._check_messages()
 
@@ -112,7 +120,8 @@ class SimulatorConfig:
         chosen = by_field(SIMULATOR_PARAMETERS, values, cls)
         try:
             return cls(wheel_motors=WheelMotors.from_parameters(values),
-                       orbit=CircularOrbit.from_parameters(values), **chosen)
+                       orbit=CircularOrbit.from_parameters(values),
+                       thrusters=ThrusterArray.from_parameters(values), **chosen)
         except ConfigurationError as error:
             raise named_as_parameter(SIMULATOR_PARAMETERS, error) from None
 

@@ -11,8 +11,12 @@ from manifold_mpc_ros.config.cone_parameters import CONE_PARAMETERS
 from manifold_mpc_ros.config.interfaces import ACTUATORS
 from manifold_mpc_ros.config.orbit import ORBIT_PARAMETERS
 from manifold_mpc_ros.config.parameter import ParameterSpec
-from manifold_mpc_ros.config.wheel_motors import MOTOR_PARAMETERS
-from manifold_mpc_ros.config.wheel_parameters import NULL_SPACE, WHEEL_PARAMETERS
+from manifold_mpc_ros.config.thrusters import THRUSTER_OFF, THRUSTER_PARAMETERS
+from manifold_mpc_ros.config.wheel_parameters import (
+    MOTOR_PARAMETERS,
+    NULL_SPACE,
+    WHEEL_PARAMETERS,
+)
 
 CONTROLLER_NAME = 'attitude_controller'
 SIMULATOR_NAME = 'lgvi_simulator'
@@ -138,6 +142,7 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
     _ACTUATOR,
     *WHEEL_PARAMETERS,
     NULL_SPACE,
+    *THRUSTER_PARAMETERS,
     ParameterSpec(
         'actuators.actuation_delay_s', 'float', 0.0,
         'time from a command to its torque, which the plan is made for; at most 10 steps',
@@ -204,6 +209,7 @@ SIMULATOR_PARAMETERS: tuple[ParameterSpec, ...] = (
     _MAX_TORQUE,
     _ACTUATOR,
     *WHEEL_PARAMETERS,
+    *THRUSTER_PARAMETERS,
     ParameterSpec(
         'plant.step_s', 'float', 0.025, 'integration step of the plant', unit='s', low=0.0,
         high=3600.0, read_only=True),
@@ -223,6 +229,7 @@ SIMULATOR_PARAMETERS: tuple[ParameterSpec, ...] = (
         'time from a command to its torque, a multiple of the plant step', unit='s', low=0.0,
         high=60.0),
     *MOTOR_PARAMETERS,
+    THRUSTER_OFF,
     *ORBIT_PARAMETERS,
     ParameterSpec(
         'sensor.attitude_noise_std_rad', 'float', 0.0,

@@ -1,14 +1,18 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters that describe reaction wheels, the same for controller and simulator."""
+"""Parameters of reaction wheels; motors, bearings and failures of simulated ones."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 
+from manifold_mpc_ros.config import checks as checks
+from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.parameter import ParameterSpec, Value
 from manifold_mpc_ros.config.wheels import NULL_SPACES, WheelArray
 from manifold_mpc_ros.errors import ConfigurationError
@@ -53,16 +57,116 @@ def wheels_of(values: Mapping[str, Value]) -> WheelArray | None:
                              for spec in (*WHEEL_PARAMETERS, NULL_SPACE) if spec.name in values}
     failed = given.pop('failed')
     array = WheelArray(**given)
-    return array if failed == [NONE] else array.without(marked(array.names, failed))
+    return array if failed == [NONE] else array.without(
+        marked('wheels.failed', array.names, failed))
 
 
-def marked(names: Sequence[str], failed: Sequence[str]) -> Any:
-    """Return which wheels (n,) bool are in a list of names, which may be [none].
+def marked(key: str, names: Sequence[str], failed: Sequence[str]) -> Any:
+    """Return which devices (n,) bool are in a list of names, which may be [none].
 
-    Raises ConfigurationError for a name that no wheel has.
+    Raises ConfigurationError for a name that none has.
     """
     strange = set(failed) - {NONE, *names}
     if strange:
-        raise ConfigurationError('wheels.failed', sorted(strange),
-                                 f'[{NONE}], or names of wheels: ' + ', '.join(names))
+        raise ConfigurationError(key, sorted(strange),
+                                 f'[{NONE}], or names among: ' + ', '.join(names))
     return np.array([name in failed for name in names])
+
+
+def _motor(name: str, default: float, description: str, unit: str, **more: Any) -> ParameterSpec:
+    """Return the description of a number for each wheel, or for all."""
+    return ParameterSpec(f'plant.wheels.{name}', 'floats', [default],
+                         f'{description}, of each wheel or of all', unit=unit,
+                         name_in_config=f'wheel_motors.{name}', **more)
+
+
+MOTOR_PARAMETERS: tuple[ParameterSpec, ...] = (
+    _motor('initial_speed_rad_s', 0.0, 'speed at the start and after a reset', 'rad/s'),
+    _motor('viscous_friction_n_m_s', 0.0, 'friction torque by speed', 'N m s'),
+    _motor('coulomb_friction_n_m', 0.0, 'friction torque at any speed but near zero', 'N m'),
+    _motor('static_friction_n_m', 0.0, 'friction torque near zero speed (Stribeck)', 'N m'),
+    _motor('stribeck_speed_rad_s', 1.0, 'speed to which that reaches', 'rad/s'),
+    _motor('dead_from_s', math.inf, 'time from which the motor gives no torque', 's',
+           infinite=True),
+    _motor('stuck_from_s', math.inf, 'time from which the wheel does not turn in the body', 's',
+           infinite=True),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class WheelMotors:
+    """The wheels of a simulated body; numbers (n,), or one for all, as `MOTOR_PARAMETERS` say.
+
+    Raises ConfigurationError naming ``wheel_motors.FIELD`` for a number that is not valid, or
+    ``wheels.inertia_kg_m2``.
+    """
+
+    wheels: WheelArray
+    initial_speed_rad_s: FloatArray = 0.0  # type: ignore[assignment]
+    viscous_friction_n_m_s: FloatArray = 0.0  # type: ignore[assignment]
+    coulomb_friction_n_m: FloatArray = 0.0  # type: ignore[assignment]
+    static_friction_n_m: FloatArray = 0.0  # type: ignore[assignment]
+    stribeck_speed_rad_s: FloatArray = 1.0  # type: ignore[assignment]
+    dead_from_s: FloatArray = math.inf  # type: ignore[assignment]
+    stuck_from_s: FloatArray = math.inf  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        """Check every number, and bring it to one a wheel."""
+        n = len(self.wheels)
+        if self.wheels.inertia_kg_m2 is None:
+            raise ConfigurationError('wheels.inertia_kg_m2', None, f'{n} positive numbers')
+        for entry in fields(self)[1:]:
+            key, valid = f'wheel_motors.{entry.name}', f'one number, or {n}, not below 0'
+            value = checks.array(key, getattr(self, entry.name), valid, infinite=True)
+            signed, endless = entry.name.startswith('initial'), entry.name.endswith('from_s')
+            if value.shape not in ((), (1,), (n,)) or not (signed or (value >= 0.0).all()) or not (
+                    endless or np.isfinite(value).all()):
+                raise ConfigurationError(key, getattr(self, entry.name), valid)
+            object.__setattr__(self, entry.name, checks.frozen(
+                np.array(np.broadcast_to(value, (n,)))))
+
+    @classmethod
+    def from_parameters(cls, values: Mapping[str, Value]) -> WheelMotors | None:
+        """Build from the simulator's checked parameters; None with another kind of actuator."""
+        wheels = wheels_of(values)
+        if wheels is None:
+            return None
+        return cls(wheels, **{spec.field.rpartition('.')[2]: values[spec.name]  # type: ignore[arg-type]
+                              for spec in MOTOR_PARAMETERS})
+
+    @property
+    def inertia_kg_m2(self) -> FloatArray:
+        """Moments of inertia about the axes (n,) [kg m^2]."""
+        assert self.wheels.inertia_kg_m2 is not None
+        return self.wheels.inertia_kg_m2
+
+    def net_torques(
+        self, command_n_m: FloatArray, speed_rad_s: FloatArray, momentum_n_m_s: FloatArray,
+        time_s: float, step_s: float,
+    ) -> FloatArray:
+        """Map motor commands (n,) to the torques (n,) about the axes over a step [N m].
+
+        A motor gives no more than its torque, none beyond its momentum, none when it is dead;
+        friction is viscous, Coulomb and Stribeck's, in the middle of the step, and stops a wheel
+        rather than turn it round; a stuck wheel stops at once.
+        """
+        array = self.wheels
+        J, room = self.inertia_kg_m2, array.max_momentum_n_m_s
+        works = array.available & (time_s < self.dead_from_s)
+        drive = np.clip(command_n_m, -array.max_torque_n_m, array.max_torque_n_m) * works
+        drive = np.clip(drive, np.minimum(0.0, (-room - momentum_n_m_s) / step_s),
+                        np.maximum(0.0, (room - momentum_n_m_s) / step_s))
+        free = speed_rad_s + step_s * drive / J
+        middle = np.abs(speed_rad_s + free) / 2
+        friction = self._friction(np.maximum(
+            middle - step_s / 2 * self._friction(middle) / J, 0.0))
+        friction = np.where(time_s >= self.stuck_from_s, np.inf, friction)
+        return np.asarray(drive - np.sign(free) * np.minimum(friction, np.abs(free) * J / step_s))
+
+    def _friction(self, speed_rad_s: FloatArray) -> FloatArray:
+        """Return the friction torques (n,) at speeds that are not negative [N m]."""
+        beyond = np.maximum(self.static_friction_n_m - self.coulomb_friction_n_m, 0.0)
+        with np.errstate(divide='ignore', invalid='ignore'):
+            near = np.exp(-(speed_rad_s / self.stribeck_speed_rad_s) ** 2)
+        return np.asarray(self.viscous_friction_n_m_s * speed_rad_s + self.coulomb_friction_n_m
+                          + np.where(beyond > 0.0, beyond * near, 0.0))

@@ -95,7 +95,8 @@ class WheelArray:
         for name in ('max_torque_n_m', 'max_momentum_n_m_s', 'inertia_kg_m2'):
             value = getattr(self, name)
             if name != 'inertia_kg_m2' or value is not None:
-                object.__setattr__(self, name, _positive(f'wheels.{name}', value, n))
+                object.__setattr__(self, name, checks.each_positive(
+                    f'wheels.{name}', value, n))
         given = np.ones(n, dtype=bool) if self.available is None else np.asarray(self.available)
         if given.shape != (n,) or given.dtype != np.bool_:
             raise ConfigurationError('wheels.available', self.available, f'{n} of true or false')
@@ -216,12 +217,3 @@ def _axes(value: object) -> FloatArray:
     if not ((length > 1e-9) & (length < 1e9)).all():
         raise ConfigurationError('wheels.axes_B', value, valid)
     return checks.frozen(given / length)
-
-
-def _positive(key: str, value: object, n: int) -> FloatArray:
-    """Return (n,) positive numbers from as many, or from one."""
-    valid = f'one positive number, or {n}'
-    given = checks.array(key, value, valid)
-    if given.shape not in ((), (1,), (n,)) or not (given > 0.0).all():
-        raise ConfigurationError(key, value, valid)
-    return checks.frozen(np.array(np.broadcast_to(given, (n,))))

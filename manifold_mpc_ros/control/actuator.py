@@ -8,7 +8,9 @@ in the table `ACTUATORS` (config/interfaces.py), which names the class.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
@@ -48,6 +50,8 @@ class Actuator(Protocol):
     """
 
     refusal: str
+    #: What its devices did last and have used, by the keys of diagnostics.
+    usage: Mapping[str, float]
 
     @classmethod
     def from_config(cls, config: AttitudeMpcConfig) -> Actuator:
@@ -83,6 +87,7 @@ class TorqueActuator:
     """
 
     refusal = ''
+    usage: Mapping[str, float] = MappingProxyType({})
 
     def __init__(self, max_torque_n_m: Array | None) -> None:
         """Keep the limits."""

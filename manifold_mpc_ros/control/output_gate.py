@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from manifold_mpc_ros.control.actuator import Actuation, Actuator
@@ -47,6 +49,11 @@ class OutputGate:
     def refusal(self) -> str:
         """Why the devices can give no torque, empty when they can."""
         return self._actuator.refusal
+
+    @property
+    def usage(self) -> Mapping[str, float]:
+        """What the devices did last and have used."""
+        return self._actuator.usage
 
     def slew(self) -> None:
         """Come back without a jump: change gradually until what is asked for is reached."""

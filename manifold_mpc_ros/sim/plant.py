@@ -129,7 +129,7 @@ class Plant:
         (test_plant.py).
         """
         self._under_way.append(self._actuate(np.asarray(tau_B, dtype=np.float64)))
-        self._torque_B = self._under_way.popleft()
+        self._torque_B = self._acting(self._under_way.popleft())
         self._steps += 1
         substeps = self._substeps_needed()
         if substeps == 0:
@@ -161,6 +161,15 @@ class Plant:
             self.counters.refused += 1
             return np.zeros(self.inputs)
         return self._limited(tau_B)
+
+    def _acting(self, now: Array) -> Array:
+        """Return what turns the body of what the actuators give now."""
+        return now
+
+    @property
+    def usage(self) -> dict[str, float]:
+        """What the actuators have used since the last reset, by name."""
+        return {}
 
     def _limited(self, tau_B: Array) -> Array:
         """Return a torque within the limits, others counted."""

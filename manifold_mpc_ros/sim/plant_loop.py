@@ -10,6 +10,7 @@ from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.control_law import SimulatorConfig
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample, to_ns
 from manifold_mpc_ros.sim.plant import Plant
+from manifold_mpc_ros.sim.thruster_plant import ThrusterPlant
 from manifold_mpc_ros.sim.wheel_plant import WheelPlant
 
 #: Age of the command in force, in control periods, above which the next one is overdue.
@@ -31,8 +32,10 @@ class PlantLoop:
 
     def __init__(self, config: SimulatorConfig, epoch_ns: int) -> None:
         """Build the plant in its initial state, without a command."""
-        self._plant = (Plant(config) if config.wheel_motors is None
-                       else WheelPlant(config, config.wheel_motors))
+        self._plant = (
+            WheelPlant(config, config.wheel_motors) if config.wheel_motors is not None
+            else ThrusterPlant(config, config.thrusters) if config.thrusters is not None
+            else Plant(config))
         self.step_ns = to_ns(config.step_s)
         self._life_steps = round(config.command_life_s / config.step_s)
         self._overdue_steps = round(OVERDUE_PERIODS * config.steps_per_control)
@@ -106,7 +109,7 @@ class PlantLoop:
         """Speeds of the wheels about their axes, in the body (n,) [rad/s], None without wheels."""
         return self._plant.speed_rad_s if isinstance(self._plant, WheelPlant) else None
 
-    def counters(self) -> dict[str, int]:
+    def counters(self) -> dict[str, float]:
         """Return what has happened to the plant since its last reset, and commands in force."""
         return {**vars(self._plant.counters), 'expired_commands': self.expired,
-                'commands_in_force': int(self._steps_left >= 0)}
+                'commands_in_force': int(self._steps_left >= 0), **self._plant.usage}

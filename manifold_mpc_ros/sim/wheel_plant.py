@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from manifold_mpc_ros.config.simulator import SimulatorConfig
-from manifold_mpc_ros.config.wheel_motors import WheelMotors
+from manifold_mpc_ros.config.wheel_parameters import WheelMotors
 from manifold_mpc_ros.dynamics import scalar_form
 from manifold_mpc_ros.dynamics.wheel_step import wheel_step
 from manifold_mpc_ros.lie.arrays import Array

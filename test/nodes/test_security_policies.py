@@ -33,8 +33,9 @@ NODES = ('attitude_controller', 'attitude_guidance', 'attitude_markers', 'lgvi_s
 BOND = {'bond_period_s': 0.1}
 #: Parameters of the controller, the simulator and the markers: together they open everything.
 CONFIGURATIONS: list[tuple[dict[str, object], ...]] = [
-    ({'target': 'pointing', 'use_sim_time': True, 'reference.timeout_s': 1.0},
-     {'timing.publish_clock': True, 'use_sim_time': True},
+    ({'target': 'pointing', 'use_sim_time': True, 'reference.timeout_s': 1.0,
+      'actuators.kind': 'thrusters'},
+     {'timing.publish_clock': True, 'use_sim_time': True, 'actuators.kind': 'thrusters'},
      {'use_sim_time': True}),
     ({'state_source': 'imu', 'actuators.kind': 'wheels', **BOND},
      {'actuators.kind': 'wheels', **BOND},

@@ -50,3 +50,21 @@ def test_a_half_turn_in_lockstep_settles_with_momentum_stored_and_is_the_same_in
     assert len(both) >= 50
     assert all(runs[0][stamp] == runs[1][stamp] for stamp in both)
     assert max(abs(speed) for values in runs[0].values() for speed in values) > 120.0
+
+
+def test_thrusters_in_lockstep_turn_the_body_by_pulses(tmp_path: Path) -> None:
+    given = {**WHEELS, 'actuators.kind': 'thrusters'}
+    with open_rig(tmp_path) as rig:
+        states = rig.watch(Odometry, 'odometry')
+        commands = rig.watch(Float64MultiArray, 'thruster_commands')
+        rig.start('simulator', parameters=given)
+        rig.start('controller', parameters=given)
+        for node in ('/attitude_controller', '/lgvi_simulator'):
+            rig.activate(node)
+        rig.until(lambda: len({stamp_ns(m) for m in states}) > 50, 'fifty exchanges')
+        q = states[-1].pose.pose.orientation
+        assert so3.angle(so3.rotation_from_quaternion([q.w, q.x, q.y, q.z])) < 0.05
+        on = np.array([m.data for m in commands])
+        assert on.shape[1] == 6
+        assert ((on == 0.0) | ((on >= 0.02) & (on <= 0.5))).all()
+        assert np.count_nonzero(on) > 10

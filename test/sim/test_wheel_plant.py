@@ -12,7 +12,7 @@ import pytest
 from wheel_cases import INERTIA, wheels
 
 from manifold_mpc_ros.config.simulator import SimulatorConfig
-from manifold_mpc_ros.config.wheel_motors import WheelMotors
+from manifold_mpc_ros.config.wheel_parameters import WheelMotors
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.sim.wheel_plant import WheelPlant
 

@@ -10,6 +10,8 @@ that works then brakes the body about its own axis, u_i = k w_i . omega, which n
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
@@ -47,6 +49,7 @@ class WheelActuator:
         self._momentum, self._omega = np.zeros(len(wheels)), np.zeros(3)
         self._unknown = np.zeros(len(wheels), dtype=bool)
         self.refusal = ''
+        self.usage: Mapping[str, float] = {}
 
     @classmethod
     def from_config(cls, config: AttitudeMpcConfig) -> WheelActuator:

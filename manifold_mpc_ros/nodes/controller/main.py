@@ -34,6 +34,7 @@ PROGRAM = Program.managed(
     publishes=(
         *command_topics(),
         *command_topics('wheels'),
+        *command_topics('thrusters'),
         ('~/prediction', 'nav_msgs/msg/Path', 'predicted attitudes'),
         ('~/disturbance', 'geometry_msgs/msg/WrenchStamped', 'estimated disturbance torque'),
     ),

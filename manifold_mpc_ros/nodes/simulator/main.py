@@ -25,6 +25,7 @@ PROGRAM = Program.managed(
     subscribes=(
         *command_topics(),
         *command_topics('wheels'),
+        *command_topics('thrusters'),
     ),
     publishes=(
         *state_topics(),

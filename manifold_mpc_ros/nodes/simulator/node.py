@@ -20,7 +20,7 @@ from manifold_mpc_ros.nodes.described_inputs import DescribedTorque
 from manifold_mpc_ros.nodes.managed_node import INPUT_QOS, ManagedNode, Status
 from manifold_mpc_ros.nodes.publisher_watch import PublisherWatch
 from manifold_mpc_ros.nodes.simulator.clock_watch import TOPIC, ClockWatch
-from manifold_mpc_ros.nodes.simulator.wheel_link import WheelLink
+from manifold_mpc_ros.nodes.simulator.device_link import DeviceLink
 from manifold_mpc_ros.nodes.state_output import StateOutput
 from manifold_mpc_ros.sim.pacing import Ask, FreeRun, Lockstep, Patience
 from manifold_mpc_ros.sim.plant_loop import PlantLoop
@@ -64,12 +64,12 @@ class LgviSimulatorNode(ManagedNode):
         self._torque = self.listen(
             self._commands.kind, self._commands.topic, self._on_torque, INPUT_QOS)
         self._torque_publishers = PublisherWatch()
-        self._wheels = WheelLink(self, config, lambda motors: self._loop.command(motors))
+        self._devices = DeviceLink(self, config, lambda devices: self._loop.command(devices))
 
     def take_down(self) -> None:
         """Remove the interfaces."""
         self.destroy_subscription(self._torque)
-        self._wheels.close()
+        self._devices.close()
         self._clock_watch.close()
         self._states.close()
         if self._clock_publisher is not None:
@@ -178,7 +178,7 @@ class LgviSimulatorNode(ManagedNode):
         turns = self._torque_publishers.note(info.get('publication_sequence_number'))
         if turns and self._torque.get_publisher_count() > 1:
             self._loop.latch(f'two publishers of {self._commands.topic}')
-        self._wheels.when_commanded(info, lambda: self._take(message))
+        self._devices.when_commanded(info, lambda: self._take(message))
 
     def _take(self, message: Any) -> None:
         """Put what was commanded in force or count its refusal; in lockstep, let time go on."""
@@ -186,7 +186,7 @@ class LgviSimulatorNode(ManagedNode):
         if isinstance(torque, Refusal):
             self.refusals.add(self._commands.topic, torque)
             return
-        self._loop.command(self._wheels.command(torque))
+        self._loop.command(self._devices.command(torque))
         if self._config.lockstep and not self._still:
             self._exchange_next()
 
@@ -282,5 +282,5 @@ class LgviSimulatorNode(ManagedNode):
 
     def _send(self, sample: StateSample) -> None:
         """Publish a measurement in each form that somebody reads."""
-        self._wheels.publish(sample.stamp_ns, self._loop.wheel_speed_rad_s)
+        self._devices.publish(sample.stamp_ns, self._loop.wheel_speed_rad_s)
         self._states.send(sample)

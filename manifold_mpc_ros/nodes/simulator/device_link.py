@@ -1,6 +1,6 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The simulator's reaction wheels over ROS: wheel_commands in, wheel_states out."""
+"""The simulator's devices over ROS: commands of wheels or thrusters in, wheel_states out."""
 
 from __future__ import annotations
 
@@ -18,15 +18,13 @@ from manifold_mpc_ros.control.input_gate import Reason, Refusal
 from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.managed_node import INPUT_QOS, ManagedNode
 
-_TOPIC = command_topics('wheels')[0][0]
 
-
-class WheelLink:
-    """Motor torques in place of body torques, where the body has wheels.
+class DeviceLink:
+    """Commands of devices in place of body torques, where the body has wheels or thrusters.
 
     In lockstep ``torque_command``, which has the stamp, says what state is answered, and counts
-    with the message of ``wheel_commands`` that has the same place in its publisher's sequence.
-    Otherwise motor torques act when they come.
+    with the message of ``wheel_commands`` (or ``thruster_commands``) that has the same place in
+    its publisher's sequence. Otherwise commands act when they come.
 
     Arguments
     ---------
@@ -35,65 +33,68 @@ class WheelLink:
     config
         Of the plant.
     act
-        Puts motor torques in force when they come, not in lockstep.
+        Puts commands in force when they come, not in lockstep.
 
     """
 
     def __init__(self, node: ManagedNode, config: SimulatorConfig,
                  act: Callable[[FloatArray], None]) -> None:
-        """Open the topics where there are wheels."""
-        self._node, self._motors, self._lockstep = node, config.wheel_motors, config.lockstep
-        self._act = act
+        """Open the topics where there are devices."""
+        self._node, self._act, self._lockstep = node, act, config.lockstep
+        motors = config.wheel_motors
+        self._array = config.thrusters if motors is None else motors.wheels
+        self._topic = command_topics('thrusters' if motors is None else 'wheels')[0][0]
+        self._states = None if motors is None else node.advertise(JointState, WHEEL_STATES[0])
         self._latest: tuple[Any, FloatArray] | None = None
         self._waiting: tuple[Any, Callable[[], None]] | None = None
-        if self._motors is not None:
-            self._states = node.advertise(JointState, WHEEL_STATES[0])
-            self._commands = node.listen(Float64MultiArray, _TOPIC, self._on_command, INPUT_QOS)
+        if self._array is not None:
+            self._commands = node.listen(
+                Float64MultiArray, self._topic, self._on_command, INPUT_QOS)
 
     def close(self) -> None:
         """Close the topics."""
-        if self._motors is not None:
+        if self._array is not None:
             self._node.destroy_subscription(self._commands)
+        if self._states is not None:
             self._node.destroy_lifecycle_publisher(self._states)
 
     def when_commanded(self, info: Mapping[str, Any], take: Callable[[], None]) -> None:
-        """Take a body torque: at once without wheels, with its motor torques in lockstep."""
-        if self._motors is None:
+        """Take a body torque: at once without devices, with their command in lockstep."""
+        if self._array is None:
             take()
         elif self._lockstep:
             self._waiting = info.get('publication_sequence_number'), take
             self._take()
 
     def command(self, torque_B_n_m: FloatArray) -> FloatArray:
-        """Return what is commanded to the plant: the body torque (3,), or motor torques (n,)."""
+        """Return what is commanded to the plant: the body torque (3,), or that of devices (n,)."""
         return torque_B_n_m if self._latest is None else self._latest[1]
 
     def publish(self, stamp_ns: int, speed_rad_s: FloatArray | None) -> None:
         """Publish the speeds (n,) of the wheels, if there are any."""
-        if self._motors is not None and speed_rad_s is not None:
-            message = JointState(name=list(self._motors.wheels.names),
-                                 velocity=speed_rad_s.tolist())
+        if self._array is not None and self._states is not None and speed_rad_s is not None:
+            message = JointState(name=list(self._array.names), velocity=speed_rad_s.tolist())
             message.header.stamp = messages.to_stamp(stamp_ns)
             self._states.publish(message)
 
     def _on_command(self, message: Float64MultiArray, info: Mapping[str, Any]) -> None:
-        """Take motor torques or count their refusal."""
-        assert self._motors is not None
-        motors = np.array(message.data, dtype=float)
+        """Take a command of devices or count its refusal."""
+        assert self._array is not None
+        command = np.array(message.data, dtype=float)
         if not self._node.active:
             return
-        if motors.shape != (len(self._motors.wheels),) or not np.isfinite(motors).all():
-            self._node.refusals.add(_TOPIC, Refusal(
-                Reason.UNREADABLE, f'not {len(self._motors.wheels)} finite numbers'))
+        if command.shape != (len(self._array),) or not np.isfinite(command).all():
+            self._node.refusals.add(self._topic, Refusal(
+                Reason.UNREADABLE, f'not {len(self._array)} finite numbers'))
             return
-        self._latest = info.get('publication_sequence_number'), motors
+        self._latest = info.get('publication_sequence_number'), command
         if self._lockstep:
             self._take()
         else:
-            self._act(motors)
+            self._act(command)
 
     def _take(self) -> None:
-        """Take the body torque that waits, if its motor torques have come."""
+        """Take the body torque that waits, if the command of the devices has come."""
         if self._waiting and self._latest and self._waiting[0] == self._latest[0]:
             take, self._waiting = self._waiting[1], None
             take()
