@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import itertools
 import numbers
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,8 @@ from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie.arrays import Array
 
 FloatArray = Array
+#: Maps the name and the value of a field to a clean value, or raises ConfigurationError.
+Check = Callable[[str, Any], object]
 
 #: Corners (8, 3) of the cube [-1, 1]^3.
 CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
@@ -47,6 +49,15 @@ def positive(key: str, value: object) -> float:
 def non_negative(key: str, value: object) -> float:
     """Return ``value`` as a finite float that is zero or more."""
     return _number_above(key, value, 0.0, strict=False)
+
+
+def fraction(key: str, value: object) -> float:
+    """Return ``value`` as a float above 0 and below 1."""
+    valid = 'a number above 0 and below 1'
+    result = number(key, value, valid)
+    if not 0.0 < result < 1.0:
+        raise ConfigurationError(key, value, valid)
+    return result
 
 
 def integer(key: str, value: object, low: int) -> int:
@@ -207,6 +218,12 @@ def direction(key: str, value: object) -> FloatArray:
     if not 1e-9 < norm < 1e9:
         raise ConfigurationError(key, value, 'a direction: 3 numbers, not all zero')
     return frozen(given / norm)
+
+
+def fields(config: object, table: Mapping[str, Check]) -> None:
+    """Put clean values into fields of a frozen configuration that is being built."""
+    for name, check in table.items():
+        object.__setattr__(config, name, check(name, getattr(config, name)))
 
 
 def frozen(values: FloatArray) -> FloatArray:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +44,19 @@ TARGETS = ('attitude', 'pointing')
 #: Largest rotation in one step that the rate limits may allow [rad]. The principal branch of the
 #: implicit step ends at pi/2 (docs/theory.md, section 2).
 MAX_STEP_ANGLE_RAD = 1.5
+
+_CHECKS: dict[str, checks.Check] = {
+    'inertia_kg_m2': checks.inertia, 'step_s': checks.positive,
+    'horizon': partial(checks.integer, low=1),
+    'attitude_weight': partial(checks.trace_weight, definite=False),
+    'rate_weight': partial(checks.trace_weight, definite=False),
+    'torque_weight': partial(checks.trace_weight, definite=True),
+    'terminal_scale': checks.fraction, 'max_torque_n_m': checks.limit,
+    'max_rate_rad_s': checks.limit, 'rate_ellipsoid_s2': checks.ellipsoids,
+    'max_rate_norm_rad_s': checks.bound, 'max_kinetic_energy_j': checks.bound,
+    'forcing': partial(checks.choice, choices=FORCINGS), 'terminal_constraint': checks.boolean,
+    'target': partial(checks.choice, choices=TARGETS), 'pointing_axis_B': checks.direction,
+    'pointing_weight': checks.positive}
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,35 +134,10 @@ class AttitudeMpcConfig:
 
     def __post_init__(self) -> None:
         """Check every field, then what the fields together have to satisfy."""
-        self._store('inertia_kg_m2', checks.inertia('inertia_kg_m2', self.inertia_kg_m2))
-        self._store('step_s', checks.positive('step_s', self.step_s))
-        self._store('horizon', checks.integer('horizon', self.horizon, low=1))
-        for name, definite in (
-            ('attitude_weight', False), ('rate_weight', False), ('torque_weight', True),
-        ):
-            value = getattr(self, name)
-            self._store(name, checks.trace_weight(name, value, definite=definite))
-        scale = checks.number(
-            'terminal_scale', self.terminal_scale, 'a number above 0 and below 1')
-        if not 0.0 < scale < 1.0:
-            raise ConfigurationError('terminal_scale', scale, 'a number above 0 and below 1')
-        self._store('terminal_scale', scale)
-        for name in ('max_torque_n_m', 'max_rate_rad_s'):
-            self._store(name, checks.limit(name, getattr(self, name)))
-        self._store('rate_ellipsoid_s2',
-                    checks.ellipsoids('rate_ellipsoid_s2', self.rate_ellipsoid_s2))
-        for name in ('max_rate_norm_rad_s', 'max_kinetic_energy_j'):
-            self._store(name, checks.bound(name, getattr(self, name)))
-        self._store('forcing', checks.choice('forcing', self.forcing, FORCINGS))
-        self._store('terminal_constraint',
-                    checks.boolean('terminal_constraint', self.terminal_constraint))
-        self._store('target', checks.choice('target', self.target, TARGETS))
-        self._store('pointing_axis_B',
-                    checks.direction('pointing_axis_B', self.pointing_axis_B))
-        self._store('pointing_weight', checks.positive('pointing_weight', self.pointing_weight))
+        checks.fields(self, _CHECKS)
         self._check_branch()
         self._check_existence()
-        self._store('cones', unique_cones('cones', self.cones))
+        checks.fields(self, {'cones': unique_cones})
         if self.cones:
             self._check_cones()
         if self.wheels is not None and not isinstance(self.wheels, WheelArray):
@@ -201,10 +189,6 @@ class AttitudeMpcConfig:
         """Every limit on the body rate."""
         box = () if self.max_rate_rad_s is None else (RateBox(self.max_rate_rad_s),)
         return (*box, *map(RateEllipsoid, self.rate_ellipsoids_s2))
-
-    def _store(self, name: str, value: object) -> None:
-        """Set a field of the frozen instance while it is being built."""
-        object.__setattr__(self, name, value)
 
     def _check_branch(self) -> None:
         """Refuse rate limits that let one step turn as far as the end of the principal branch."""

@@ -109,10 +109,8 @@ class GuidanceConfig:
 
     def __post_init__(self) -> None:
         """Check what is more than a number in a range."""
-        for key in ('axis_B', 'second_axis_B'):
-            object.__setattr__(self, key, checks.direction(key, getattr(self, key)))
-        object.__setattr__(self, 'attitude_xyzw', checks.unit_quaternion(
-            'attitude_xyzw', self.attitude_xyzw))
+        checks.fields(self, {'axis_B': checks.direction, 'second_axis_B': checks.direction,
+                             'attitude_xyzw': checks.unit_quaternion})
         if np.linalg.norm(np.cross(self.axis_B, self.second_axis_B)) < 1e-3:
             raise ConfigurationError('second_axis_B', self.second_axis_B.tolist(),
                                      'a direction across axis_B')

@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,18 @@ from manifold_mpc_ros.errors import ConfigurationError
 
 #: The least time that a command stays in force, whatever the control period [s].
 SHORTEST_COMMAND_LIFE_S = 0.15
+
+_CHECKS: dict[str, checks.Check] = {
+    'inertia_kg_m2': checks.inertia, 'max_torque_n_m': checks.limit,
+    'initial_attitude_xyzw': checks.unit_quaternion,
+    **dict.fromkeys(('initial_rate_rad_s', 'disturbance_torque_n_m'), checks.vector),
+    **dict.fromkeys(('step_s', 'state_period_s', 'control_period_s', 'real_time_factor',
+                     'lockstep_retry_s', 'lockstep_timeout_s'), checks.positive),
+    **dict.fromkeys(('actuation_delay_s', 'attitude_noise_std_rad', 'rate_noise_std_rad_s',
+                     'overdue_wait_s'), checks.non_negative),
+    'seed': partial(checks.integer, low=0),
+    'command_timeout_periods': partial(checks.integer, low=1),
+    **dict.fromkeys(('publish_clock', 'lockstep', 'autostart'), checks.boolean)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,26 +99,7 @@ class SimulatorConfig:
 
     def __post_init__(self) -> None:
         """Check every field, then what the fields together have to satisfy."""
-        self._store('inertia_kg_m2', checks.inertia('inertia_kg_m2', self.inertia_kg_m2))
-        self._store('max_torque_n_m', checks.limit('max_torque_n_m', self.max_torque_n_m))
-        self._store('initial_attitude_xyzw', checks.unit_quaternion(
-            'initial_attitude_xyzw', self.initial_attitude_xyzw))
-        for name in ('initial_rate_rad_s', 'disturbance_torque_n_m'):
-            self._store(name, checks.vector(name, getattr(self, name)))
-        for name in ('step_s', 'state_period_s', 'control_period_s', 'real_time_factor',
-                     'lockstep_retry_s', 'lockstep_timeout_s'):
-            self._store(name, checks.positive(name, getattr(self, name)))
-        for name in ('actuation_delay_s', 'attitude_noise_std_rad', 'rate_noise_std_rad_s',
-                     'overdue_wait_s'):
-            self._store(name, checks.non_negative(name, getattr(self, name)))
-        self._store('seed', checks.integer('seed', self.seed, low=0))
-        self._store('command_timeout_periods', checks.integer(
-            'command_timeout_periods', self.command_timeout_periods, low=1))
-        for name in ('publish_clock', 'lockstep', 'autostart'):
-            self._store(name, checks.boolean(name, getattr(self, name)))
-        n = 1 if self.thrusters is None else len(self.thrusters)
-        self._store('thruster_off_from_s', checks.each_positive(
-            'thruster_off_from_s', self.thruster_off_from_s, n, infinite=True))
+        checks.fields(self, _CHECKS)
         self._check_timing()
         self._check_messages()
 
@@ -144,10 +138,6 @@ class SimulatorConfig:
     def command_life_s(self) -> float:
         """Age at which the last command counts as zero [s of simulated time]."""
         return max(self.command_timeout_periods * self.control_period_s, SHORTEST_COMMAND_LIFE_S)
-
-    def _store(self, name: str, value: object) -> None:
-        """Set a field of the frozen instance while it is being built."""
-        object.__setattr__(self, name, value)
 
     def _check_messages(self) -> None:
         """Refuse descriptions that have none, share a topic, or in lockstep have no stamps."""
