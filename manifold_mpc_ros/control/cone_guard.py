@@ -16,13 +16,13 @@ one of cost zero is found once, no tightened cone is violated at a step from the
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from manifold_mpc_ros.config.checks import FloatArray
-from manifold_mpc_ros.config.cones import joined
+from manifold_mpc_ros.config.cones import Cone, joined
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.rate_limits import rates_beyond
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
@@ -63,34 +63,35 @@ class ConeGuard:
         self._rest = _Stops(np.zeros((1, 3)), np.zeros(1))
 
     def allows(self, R_NB: FloatArray, omega_BN_B: FloatArray, torque_B_n_m: FloatArray,
-               directions_N: Mapping[str, FloatArray], *, inside: bool = False) -> bool:
-        """Return whether the body can stop clear of every cone after a step of a torque.
+               directions_N: Mapping[str, FloatArray], *, relaxed: bool) -> bool:
+        """Return whether to stop after a step of a torque costs nothing, or no more than at once.
 
-        ``inside`` is what counts where a cone is violated already.
+        ``relaxed``: by the cones as they are given, for a plan that could not keep the tightened
+        ones; held off by a cone, or leaving one, it is between the two.
         """
-        if inside and self._shortfall(R_NB[None], directions_N)[0] > 0.0:
-            return True
-        wanted = _Stops(torque_B_n_m[None], np.ones(1))
-        return bool(self._costs(R_NB, omega_BN_B, wanted, directions_N)[0] <= EQUAL_RAD)
+        torque, brake = self._costs(
+            R_NB, omega_BN_B, _Stops(np.array([torque_B_n_m, np.zeros(3)]), np.array([1.0, 0.0])),
+            directions_N, self._config.cones if relaxed else self._cones)
+        return bool(torque <= max(EQUAL_RAD, brake))
 
     def keep(self, R_NB: FloatArray, omega_BN_B: FloatArray, torque_B_n_m: FloatArray,
              directions_N: Mapping[str, FloatArray]) -> FloatArray:
         """Map the torque that is wanted to that of the best stop (3,) [N m]."""
-        if self.allows(R_NB, omega_BN_B, torque_B_n_m, directions_N):
-            self.reset()
-            return self._torques(omega_BN_B[None], _Stops(torque_B_n_m[None], np.ones(1)), 0)[0]
-        stops = _Stops(*map(np.concatenate, zip(
-            _Stops(np.array([torque_B_n_m, np.zeros(3)]), np.array([1.0, 0.0])),
-            self._rest, self._swerves)))
-        costs = self._costs(R_NB, omega_BN_B, stops, directions_N)
+        stops = _Stops(torque_B_n_m[None], np.ones(1))
+        costs = self._costs(R_NB, omega_BN_B, stops, directions_N, self._cones)
+        if costs[0] > EQUAL_RAD:
+            stops = _Stops(*map(np.concatenate, zip(
+                _Stops(np.array([torque_B_n_m, np.zeros(3)]), np.array([1.0, 0.0])),
+                self._rest, self._swerves)))
+            costs = self._costs(R_NB, omega_BN_B, stops, directions_N, self._cones)
         best = int(np.flatnonzero(costs <= costs.min() + EQUAL_RAD)[0])
         chosen = _Stops(stops.torques_B_n_m[[best]], stops.steps[[best]])
         self._rest = _Stops(chosen.torques_B_n_m, chosen.steps - 1.0)
         return self._torques(omega_BN_B[None], chosen, 0)[0]
 
     def _costs(self, R_NB: FloatArray, omega_BN_B: FloatArray, stops: _Stops,
-               directions_N: Mapping[str, FloatArray]) -> FloatArray:
-        """Return the cost of each stop (n,) [rad]."""
+               directions_N: Mapping[str, FloatArray], cones: Sequence[Cone]) -> FloatArray:
+        """Return the cost of each stop (n,) by these cones [rad]."""
         n = len(stops.steps)
         R, omega = np.tile(R_NB, (n, 1, 1)), np.tile(omega_BN_B, (n, 1))
         cost, inside, step_s = np.zeros(n), np.zeros(n), self._config.step_s
@@ -100,16 +101,12 @@ class ConeGuard:
                 return cost + (LONGEST_STOP - step) * inside
             R, omega = lgvi_step(R, omega, self._torques(omega, stops, step),
                                  inertia_kg_m2=self._config.inertia_kg_m2, step_s=step_s)
-            inside = self._shortfall(R, directions_N)
+            margins = np.array([cone.margins_rad(R, directions_N.get(cone.name))
+                                for cone in cones])
+            least = np.min(list(joined(cones, margins).values()), axis=0)
+            inside = np.maximum(0.0, -least)
             cost += inside
         return cost
-
-    def _shortfall(self, R_NB: FloatArray, directions_N: Mapping[str, FloatArray]) -> FloatArray:
-        """Return the angle (n,) by which attitudes (n, 3, 3) violate the cones, 0 if not [rad]."""
-        margins = np.array([cone.margins_rad(R_NB, directions_N.get(cone.name))
-                            for cone in self._cones])
-        least = np.min(list(joined(self._cones, margins).values()), axis=0)
-        return np.maximum(0.0, -least)
 
     def _torques(self, omega_BN_B: FloatArray, stops: _Stops, step: int) -> FloatArray:
         """Return the torques (n, 3) [N m] of a step at rates (n, 3) [rad/s]."""

@@ -238,7 +238,7 @@ class ControlLoop:
         sure = usable and solution is not None and solution.status is not SolveStatus.INFEASIBLE
         if held_B_n_m is None or sure or self._fallback.allows(
                 R_NB, omega_BN_B, held_B_n_m + self._ahead.known_disturbance_B_n_m,
-                self.directions_N, inside=usable):
+                self.directions_N, relaxed=usable):
             return facts, solution
         self._plan.drop()
         detail = f'{facts.detail}; after its torque the body could not stop clear of the cones'

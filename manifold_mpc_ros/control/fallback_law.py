@@ -76,13 +76,10 @@ class FallbackLaw:
         return not float(np.linalg.norm(momentum)) < self._smallest
 
     def allows(self, R_NB: Array, omega_BN_B: Array, torque_B_n_m: Array,
-               directions_N: Mapping[str, Array], *, inside: bool) -> bool:
-        """Return whether this law can still keep every cone after a step of a torque.
-
-        ``inside`` is what counts where a cone is violated already.
-        """
+               directions_N: Mapping[str, Array], *, relaxed: bool) -> bool:
+        """Return whether a step of a torque takes no cone from this law: `ConeGuard.allows`."""
         return self._guard is None or self._guard.allows(
-            R_NB, omega_BN_B, torque_B_n_m, directions_N, inside=inside)
+            R_NB, omega_BN_B, torque_B_n_m, directions_N, relaxed=relaxed)
 
     def torque(self, R_NB: Array, omega_BN_B: Array, R_ND: Array,
                directions_N: Mapping[str, Array] | None = None) -> Array:

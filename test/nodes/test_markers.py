@@ -10,11 +10,14 @@ import numpy as np
 import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import Point, QuaternionStamped, WrenchStamped
+from geometry_msgs.msg import Point, QuaternionStamped, Vector3, Vector3Stamped, WrenchStamped
 from harness import CONFIG, Rig
 from nav_msgs.msg import Odometry
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
 
+from manifold_mpc_ros.config.cones import Cone
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.nodes.markers.shapes import Picture, markers
 from manifold_mpc_ros.nodes.messages import to_quaternion
@@ -62,6 +65,28 @@ def test_a_direction_is_one_arrow() -> None:
     assert tip(drawn['setpoint', 3]) == pytest.approx([0.0, 0.72, 0.96])
 
 
+def test_cones_are_drawn_about_their_directions_and_an_axis_inside_is_black() -> None:
+    sun = Cone('sun', (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.5)
+    sensor = Cone('sensor', (0.0, 1.0, 0.0), (0.0, 1.0, 0.0), 2.0, 'keep_in')
+    moved = np.array([0.6, 0.0, 0.8])
+    drawn = by_name(markers(Picture(
+        'inertial', R_NB=np.eye(3), cones=(sun, sensor), directions_N={'sun': moved})))
+    assert {name for name in drawn if name[0] in ('cones', 'cone_edges', 'boresights')} == {
+        (name, index) for name in ('cones', 'cone_edges', 'boresights') for index in (0, 1)}
+    for index, (cone, s) in enumerate(((sun, moved), (sensor, sensor.direction_N))):
+        edge = np.array([(p.x, p.y, p.z) for p in drawn['cone_edges', index].points])
+        np.testing.assert_allclose(np.linalg.norm(edge, axis=1), 1.0)
+        np.testing.assert_allclose(edge @ s, np.cos(cone.half_angle_rad))
+        assert len(drawn['cones', index].points) == 3 * (len(edge) - 1)
+        np.testing.assert_allclose(tip(drawn['boresights', index]), 1.15 * cone.axis_B)
+    assert drawn['cones', 0].color.r > drawn['cones', 0].color.g  # red to stay out of
+    assert drawn['cones', 1].color.r < drawn['cones', 1].color.g  # green to stay in
+    assert drawn['boresights', 0].color.r > 0.0
+    inside = by_name(markers(Picture(
+        'inertial', R_NB=so3.exp([0.0, -0.9, 0.0]), cones=(sun,), directions_N={'sun': moved})))
+    assert inside['boresights', 0].color.r == 0.0
+
+
 def test_over_dds_only_while_somebody_looks(rig: Rig) -> None:
     rig.run(['manifold_mpc_ros.nodes.markers.main'])
     states = rig.node.create_publisher(Odometry, 'odometry', 10)
@@ -95,6 +120,25 @@ def test_over_dds_only_while_somebody_looks(rig: Rig) -> None:
     rig.until(lambda: bool(seen) and wanted <= set(by_name(seen[-1])), 'markers',
               meanwhile=publish)
     assert tip(by_name(seen[-1])['body_axes', 0]) == pytest.approx(R_NB[:, 0])
+    # What the controller says of itself brings cones, and their topics directions.
+    said_by_controller = rig.node.create_publisher(
+        String, 'attitude_controller/description', QoSProfile(
+            depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+    said_by_controller.publish(String(data=json.dumps({'parameters': {
+        'cones.names': ['sun'], 'cones.sun.axis_B': [1.0, 0.0, 0.0],
+        'cones.sun.half_angle_deg': 20.0, 'cones.sun.kind': 'keep_out', 'cones.sun.group': 'none',
+        'cones.sun.direction_N': [0.0, 0.0, 1.0], 'cones.sun.direction_topic': 'sun_direction',
+        'cones.sun.direction_timeout_s': 60.0}})))
+    sun = rig.node.create_publisher(Vector3Stamped, 'sun_direction', 10)
+    message = Vector3Stamped(vector=Vector3(x=0.0, y=2.0, z=0.0))
+    message.header.frame_id = 'inertial'
+
+    def there() -> bool:
+        edge = by_name(seen[-1]).get(('cone_edges', 0))
+        return edge is not None and min(point.y for point in edge.points) > 0.9
+
+    rig.until(there, 'the cone at its direction',
+              meanwhile=lambda: (publish(), sun.publish(message)))  # type: ignore[arg-type]
     rig.until(lambda: latest('pictures') not in ('', '0'), 'the count', meanwhile=publish)
     assert states.get_subscription_count() == 1
 

@@ -138,18 +138,22 @@ def test_the_policies_are_what_the_tables_say() -> None:
         policies())
 
 
+#: The nodes that read the directions of cones.
+READERS = ('attitude_controller', 'attitude_markers', 'recorder')
+
+
 def topics_of(text: str) -> set[str | None]:
     return {item.text for item in ET.fromstring(text.encode()).iter('topic')}
 
 
-def test_directions_of_cones_come_to_the_controller_and_the_recorder_alone() -> None:
+def test_directions_of_cones_come_to_those_that_read_them_alone() -> None:
     shipped = policies()
     with_cone = policies({
         'cones.names': ['sun'], 'cones.sun.axis_B': [1.0, 0.0, 0.0],
         'cones.sun.half_angle_deg': 20.0,
         'cones.sun.direction_N': [0.0, 1.0, 0.0], 'cones.sun.direction_topic': 'sun_vector'})
     for node, text in with_cone.items():
-        expected = {'sun_vector'} if node in ('attitude_controller', 'recorder') else set()
+        expected = {'sun_vector'} if node in READERS else set()
         assert topics_of(text) - topics_of(shipped[node]) == expected
 
 

@@ -52,7 +52,8 @@ def test_the_page_lists_every_executable() -> None:
 def test_the_page_lists_every_topic_and_service_with_its_type() -> None:
     listed = {(cells[0], cells[1]) for cells in rows('docs/nodes.md', '## Topics and services')}
     own = {(name.replace('~/prediction', 'attitude_controller/prediction').replace(
-        '~/disturbance', 'attitude_controller/disturbance'),
+        '~/disturbance', 'attitude_controller/disturbance').replace(
+        'attitude_controller/description', '~/description'),
             re.sub('/(msg|srv)/', '/', kind))
            for program in PROGRAMS for name, kind, _ in (
                *program.subscribes, *program.publishes, *program.replies)}

@@ -24,8 +24,9 @@ from manifold_mpc_ros.lab.recording.scenarios.scenario import Scenario, is_shipp
 PATH = 'nav_msgs/msg/Path'
 #: What a topic is called behind a link.
 BEHIND = '_link'
+DIRECTION = 'geometry_msgs/msg/Vector3Stamped'
 OTHERS = {
-    '/direction_setpoint': 'geometry_msgs/msg/Vector3Stamped',
+    '/direction_setpoint': DIRECTION,
     '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
     '/clock': 'rosgraph_msgs/msg/Clock',
     f'/{CONTROLLER_NAME}/transition_event': 'lifecycle_msgs/msg/TransitionEvent',
@@ -143,7 +144,14 @@ class RecordPlan:
     @property
     def others(self) -> dict[str, str]:
         """The other topics that are there from the start."""
-        return {**OTHERS, absolute(self.setpoint.topic): self.setpoint.message_type}
+        return {**OTHERS, absolute(self.setpoint.topic): self.setpoint.message_type,
+                **dict.fromkeys(self.cone_topics.values(), DIRECTION)}
+
+    @property
+    def cone_topics(self) -> dict[str, str]:
+        """The topics of directions of cones, by cone."""
+        given = self.scenario.controller_config.cone_topics
+        return {name: absolute(topic) for name, (topic, _) in given.items()}
 
     @property
     def roles(self) -> dict[str, str]:

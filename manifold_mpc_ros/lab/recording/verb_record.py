@@ -170,7 +170,8 @@ def _inputs(
          for link in plan.links.values()},
         plan.state_topic, lockstep=scenario.lockstep,
         wall_clock=scenario.time_mode == 'wall', wall_per_s=1.0 / scenario.clock_factor,
-        frames=(controller.inertial_frame_id, controller.body_frame_id), setpoint=plan.setpoint)
+        frames=(controller.inertial_frame_id, controller.body_frame_id), setpoint=plan.setpoint,
+        cone_topics=plan.cone_topics)
 
 
 @contextmanager

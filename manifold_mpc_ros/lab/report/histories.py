@@ -1,9 +1,10 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of the report page over time: one run in five panels, several runs in four."""
+"""Figures of the report page over time: one run in five or six panels, several runs in four."""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,7 +15,9 @@ from plotly.subplots import make_subplots
 from manifold_mpc_ros.cli.plot_style import AXIS_COLOURS, AXIS_NAMES, INK, LIMIT_COLOUR
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.lab.recording.bags import measures
+from manifold_mpc_ros.lab.recording.bags.cones import cone_histories
 from manifold_mpc_ros.lab.recording.bags.run import BagRun
+from manifold_mpc_ros.lab.report.plot_cones import margins_deg
 
 PANEL_PX = 186
 #: Colours of runs that are compared, told apart by colour-blind readers (Okabe and Ito).
@@ -33,9 +36,10 @@ _TICKS_MS = [mantissa * 10.0 ** exponent for exponent in range(-3, 5) for mantis
 
 
 def histories(run: BagRun) -> go.Figure:
-    """Return error, rate, torque, solver and value function of one run over time."""
+    """Return error, rate, torque, solver, value function and cones of one run over time."""
+    cones = cone_histories(run)
     figure = _panels(f'{_target(run)} error [deg]', 'body rate [rad/s]', 'torque [N m]',
-                     'solve time [ms]', 'value function')
+                     'solve time [ms]', 'value function', *['cone margin [deg]'][:len(cones)])
     # The first shape is the cursor, which the page moves.
     figure.add_shape(type='line', xref='x', yref='paper', x0=0, x1=0, y0=0, y1=1,
                      line={'color': '#0072B2', 'width': 1.5})
@@ -56,7 +60,12 @@ def histories(run: BagRun) -> go.Figure:
     figure.update_yaxes(type='log', tickvals=_TICKS_MS, tickformat='~g', row=4, col=1)
     _logarithmic(figure, 1, [np.degrees(run.error_rad)], _LEAST_DEG)
     _logarithmic(figure, 5, [run.ticks.value_function], _LEAST_VALUE)
-    _finish(figure, [run], 5)
+    margins = margins_deg(cones) if cones else {}
+    for (name, values), colour in zip(margins.items(), itertools.cycle(RUN_COLOURS)):
+        _line(figure, 6, run.states.time_s, values, name, colour)
+    if cones:
+        _level(figure, 6, 0.0, 'limit')
+    _finish(figure, [run], 6 if cones else 5)
     for time_s in run.setpoints.time_s:
         if time_s > 0.0:
             figure.add_vline(x=float(time_s), line={'color': LIMIT_COLOUR, 'width': 1,

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 import plotly.graph_objects as go
 
-from manifold_mpc_ros.cli.plot_style import AXIS_COLOURS, AXIS_NAMES, INK
+from manifold_mpc_ros.cli.plot_style import AXIS_COLOURS, AXIS_NAMES, INK, set_colours
 from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.lab.recording.bags.cones import cone_histories
 from manifold_mpc_ros.lab.recording.bags.run import BagRun
 
 #: Half of the longest edge of the box that is drawn.
@@ -45,6 +46,7 @@ def scene(run: BagRun) -> go.Figure:
         x=axes[:, 0], y=axes[:, 1], z=axes[:, 2], mode='markers', hoverinfo='name',
         name='commanded', marker={'symbol': 'diamond-open', 'size': 6, 'color': INK}))
     figure.add_trace(_arrow(TORQUE_COLOUR, 'torque', 7))
+    figure.add_traces(_cones(run))
     hidden: dict[str, Any] = {'visible': False, 'range': [-1.12, 1.12]}
     figure.update_layout(
         height=430, margin={'l': 0, 'r': 0, 't': 0, 'b': 0}, showlegend=True,
@@ -53,6 +55,25 @@ def scene(run: BagRun) -> go.Figure:
         scene={'xaxis': hidden, 'yaxis': hidden, 'zaxis': hidden, 'aspectmode': 'cube',
                'camera': {'eye': {'x': 1.02, 'y': 0.85, 'z': 0.55}}, 'dragmode': 'orbit'})
     return figure
+
+
+def _cones(run: BagRun) -> list[go.Scatter3d]:
+    """Return the edge of each cone at the end of the run, and the path of its axis."""
+    traces = []
+    circle = np.linspace(0.0, 2.0 * np.pi, 73)[:, None]
+    cones = cone_histories(run)
+    for history, colour in zip(cones, set_colours(len(cones)), strict=True):
+        s, angle = history.direction_N[-1], history.cone.half_angle_rad
+        one = np.linalg.svd(s[None])[2][1]
+        across = np.cos(circle) * one + np.sin(circle) * np.cross(s, one)
+        edge = np.cos(angle) * s + np.sin(angle) * across
+        for points, dash, name in ((edge, 'solid', history.cone.name),
+                                   (history.axis_N, 'dot', f'{history.cone.name}: axis')):
+            x, y, z = 1.01 * points.T
+            traces.append(go.Scatter3d(
+                x=x, y=y, z=z, mode='lines', name=name, hoverinfo='name',
+                line={'color': colour, 'width': 4, 'dash': dash}))
+    return traces
 
 
 def corners(run: BagRun) -> FloatArray:

@@ -87,9 +87,11 @@ def _distinct(names: list[str]) -> list[str]:
 
 
 def _pictures(run: BagRun, name: str, folder: Path) -> list[Path]:
-    """Draw the response and the orientation of a run."""
+    """Draw the response and the orientation of a run, and its cones."""
+    from manifold_mpc_ros.lab.recording.bags.cones import cone_histories
     from manifold_mpc_ros.lab.recording.bags.measures import settled_at_s
     from manifold_mpc_ros.lab.recording.scenarios.parts import AcceptanceLimits
+    from manifold_mpc_ros.lab.report.plot_cones import plot_cones
     from manifold_mpc_ros.lab.report.plot_orientation import plot_orientation, snapshot_rows
     from manifold_mpc_ros.lab.report.plot_response import Response, plot_response
     limits = AcceptanceLimits() if run.scenario is None else run.scenario.acceptance
@@ -105,6 +107,10 @@ def _pictures(run: BagRun, name: str, folder: Path) -> list[Path]:
         settled_s=settled_s, target='attitude' if config is None else config.target),
         folder / f'{name}_response.png')
     rows = snapshot_rows(run.states.time_s, 2.0, settled_s, SNAPSHOTS)
-    return [response, plot_orientation(
+    orientation = plot_orientation(
         f'Orientation: {name}', run.states.time_s[rows], run.states.R_NB[rows],
-        folder / f'{name}_orientation.png')]
+        folder / f'{name}_orientation.png')
+    cones = cone_histories(run)
+    return [response, orientation, *([plot_cones(
+        f'Cones: {name}', run.states.time_s, cones, folder / f'{name}_cones.png')
+        ] if cones else [])]

@@ -31,7 +31,11 @@ from manifold_mpc_ros.config.interfaces import (
     state_topics,
 )
 from manifold_mpc_ros.config.parameter import resolve_parameters
-from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
+from manifold_mpc_ros.config.tables import (
+    CONTROLLER_NAME,
+    CONTROLLER_PARAMETERS,
+    MARKERS_NAME,
+)
 from manifold_mpc_ros.config.yaml_file import read_parameter_file
 from manifold_mpc_ros.nodes.usage import Program
 
@@ -90,7 +94,8 @@ def programs(parameters: Mapping[str, Any] | None = None) -> list[Program]:
         program, subscribes=_instead(program.subscribes, instead),
         publishes=_instead(program.publishes, instead)) for program in found]
     return [replace(program, subscribes=program.subscribes + directions)
-            if program.node_name == CONTROLLER_NAME else program for program in described]
+            if program.node_name in (CONTROLLER_NAME, MARKERS_NAME) else program
+            for program in described]
 
 
 def _instead(interfaces: Interfaces, instead: Mapping[Interfaces, Interfaces]) -> Interfaces:

@@ -30,6 +30,7 @@ class ConeInputs:
     def __init__(self, node: ManagedNode, config: ControllerConfig, loop: ControlLoop) -> None:
         """Listen until `close`; directions count from here on until their topics bring others."""
         self._node, self.config, self._loop = node, config, loop
+        self._count = 0
         self._received_s = dict.fromkeys(config.cone_topics, time.monotonic())
         self._inputs = [SetpointInput(node, Vector3Stamped, topic, partial(self._take, name))
                         for name, (topic, _) in config.cone_topics.items()]
@@ -56,6 +57,8 @@ class ConeInputs:
                 if margin < 0.0:
                     warnings.append(f'the cone {name} forbids the setpoint, which is held off: '
                                     f'{math.degrees(-margin):.3g} degrees are missing')
+        if self.config.cone_topics:
+            status.values['directions'] = self._count
         for name, (topic, timeout_s) in self.config.cone_topics.items():
             age_s = time.monotonic() - self._received_s[name]
             status.values[f'cone.{name}.direction_age_s'] = age_s
@@ -74,4 +77,5 @@ class ConeInputs:
             self._node.refusals.add(self.config.cone_topics[name][0], admitted)
             return
         self._received_s[name] = time.monotonic()
+        self._count += 1
         self._loop.direct(name, admitted)

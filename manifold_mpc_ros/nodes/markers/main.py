@@ -20,7 +20,7 @@ PROGRAM = Program.managed(
     'markers',
     MARKERS_NAME,
     'Draw the closed loop for RViz and Foxglove: body, axes, setpoint, prediction, '
-    'torque.',
+    'torque, cones.',
     MARKERS_PARAMETERS,
     subscribes=(
         *state_topics(),
@@ -28,6 +28,7 @@ PROGRAM = Program.managed(
         ('direction_setpoint', 'geometry_msgs/msg/Vector3Stamped', 'commanded direction'),
         *command_topics(),
         ('attitude_controller/prediction', 'nav_msgs/msg/Path', 'predicted attitudes'),
+        ('attitude_controller/description', 'std_msgs/msg/String', 'its cones; and their topics'),
     ),
     publishes=(
         ('~/markers', 'visualization_msgs/msg/MarkerArray', 'only while somebody reads'),

@@ -4,16 +4,21 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Vector3Stamped
 from nav_msgs.msg import Path
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
+from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
+from manifold_mpc_ros.config.cones import cone_topics, cones_from
 from manifold_mpc_ros.config.parameter import Value
 from manifold_mpc_ros.control.input_gate import (
     RawState,
@@ -27,6 +32,7 @@ from manifold_mpc_ros.nodes.managed_node import INPUT_QOS, OUTPUT_QOS, ManagedNo
 from manifold_mpc_ros.nodes.markers.shapes import Picture, markers
 from manifold_mpc_ros.nodes.state_input import StateInput, state_kinds
 
+DESCRIPTION_QOS = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 #: A viewer needs no more pictures than this [s].
 PERIOD_S = 0.05
 
@@ -62,10 +68,15 @@ class AttitudeMarkersNode(ManagedNode):
                 'torque_command', 'torque_B_n_m', torque.admit(message))),
             (Path, 'attitude_controller/prediction', self._on_prediction))
         self._while_looked_at: list[Subscription] = []
+        self._directions: list[Subscription] = []
+        self._described = ''
+        self._always.append(self.create_subscription(
+            String, 'attitude_controller/description', self._on_description, DESCRIPTION_QOS))
 
     def take_down(self) -> None:
         """Remove the interfaces."""
         self._unsubscribe(self._always)
+        self._unsubscribe(self._directions)
         self._look_away()
         self.destroy_lifecycle_publisher(self._publisher)
 
@@ -85,6 +96,7 @@ class AttitudeMarkersNode(ManagedNode):
         self._gate = StateGate(*self._frames, step_s=1.0, timeout_s=1.0, timed=False)
         self._fresh = False
         self._drawn = 0
+        self._draw_cones()
 
     def pause(self, *, paused: bool) -> None:
         """Hold the picture, or let it go on."""
@@ -142,6 +154,29 @@ class AttitudeMarkersNode(ManagedNode):
             message.header.frame_id, messages.vector_values(message.vector),
             self._frames[0]), 'R_ND')
 
+    def _on_description(self, message: String) -> None:
+        """Take the cones that the controller works with."""
+        self._described = message.data
+        if self.active:
+            self._draw_cones()
+
+    def _draw_cones(self) -> None:
+        """Draw the cones of the controller's description, and listen to their directions."""
+        values = json.loads(self._described)['parameters'] if self._described else {}
+        self._unsubscribe(self._directions)
+        self._picture.cones, self._picture.directions_N = cones_from(values), {}
+        self._directions = self._subscribe(
+            (Vector3Stamped, topic, partial(self._on_cone_direction, name))
+            for name, (topic, _) in cone_topics(values).items())
+        self._fresh = True
+
+    def _on_cone_direction(self, name: str, message: Vector3Stamped) -> None:
+        """Take the direction of a cone."""
+        admitted = admit_direction(message.header.frame_id, messages.vector_values(
+            message.vector), self._frames[0])
+        if not isinstance(admitted, Refusal):
+            self._take(name, 'directions_N', {**self._picture.directions_N, name: admitted})
+
     def _on_prediction(self, message: Path) -> None:
         """Take a plan; its positions are the path of a body axis on the unit sphere."""
         points = [pose.pose.position for pose in message.poses]
@@ -151,7 +186,7 @@ class AttitudeMarkersNode(ManagedNode):
             self._fresh = True
 
     def _take(
-        self, topic: str, field: str, admitted: np.ndarray | Refusal, instead: str = '',
+        self, topic: str, field: str, admitted: Any, instead: str = '',
     ) -> None:
         """Put a value that passed the gate into the picture; another one ends with it."""
         if not self.active:

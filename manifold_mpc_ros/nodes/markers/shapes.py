@@ -1,6 +1,6 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The closed loop as markers for RViz and Foxglove: body, axes, setpoint, prediction, torque.
+"""The closed loop as markers for RViz and Foxglove: body, axes, setpoint, plan, torque, cones.
 
 Everything is drawn about the origin of the inertial frame; axes have length 1. Namespace and
 number of a marker are the same in every message, so each message replaces the one before.
@@ -8,8 +8,9 @@ number of a marker are the same in every message, so each message replaces the o
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from geometry_msgs.msg import Point
@@ -17,12 +18,14 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.config.cones import Cone
 from manifold_mpc_ros.nodes.messages import to_quaternion, to_stamp
 
 #: Blue, vermilion and bluish green (Okabe and Ito) for x, y and z, as in every picture here.
 AXIS_COLOURS = ((0.0, 0.447, 0.698), (0.835, 0.369, 0.0), (0.0, 0.620, 0.451))
 BODY_COLOUR, TORQUE_COLOUR = (0.79, 0.83, 0.87), (0.71, 0.09, 0.62)
 PREDICTION_COLOUR = (0.90, 0.62, 0.0)
+KEEP_OUT_COLOUR, KEEP_IN_COLOUR = (0.84, 0.15, 0.16), (0.0, 0.620, 0.451)
 #: Edges of the box that stands for the body.
 BODY_SIZE = (0.55, 0.4, 0.3)
 _SHAFT, _HEAD = 0.03, 0.07
@@ -40,6 +43,8 @@ class Picture:
     prediction_N: Sequence[Point] = ()        # the predicted path of a body axis on the sphere
     torque_B_n_m: FloatArray | None = None
     torque_length_per_n_m: float = 1.0
+    cones: Sequence[Cone] = ()
+    directions_N: Mapping[str, FloatArray] = field(default_factory=dict)  # that have come, by cone
 
 
 def markers(picture: Picture) -> MarkerArray:
@@ -73,6 +78,34 @@ def _drawn(picture: Picture) -> Iterator[Marker]:
         line = _marker(picture, 'prediction', 0, Marker.LINE_STRIP, PREDICTION_COLOUR)
         line.scale.x, line.points = 0.015, list(picture.prediction_N)
         yield line
+    for number, cone in enumerate(picture.cones):
+        yield from _cone(picture, number, cone)
+
+
+def _cone(picture: Picture, number: int, cone: Cone) -> Iterator[Marker]:
+    """Yield a cone, its edge on the unit sphere, and the body axis that it is for.
+
+    The axis is thick and longer than the sphere; black while the cone is violated.
+    """
+    colour = KEEP_OUT_COLOUR if cone.kind == 'keep_out' else KEEP_IN_COLOUR
+    s = picture.directions_N.get(cone.name, cone.direction_N)
+    one = np.linalg.svd(s[None])[2][1]
+    turn = np.linspace(0.0, 2.0 * np.pi, 49)[:, None]
+    around = np.cos(turn) * one + np.sin(turn) * np.cross(s, one)
+    rim = np.cos(cone.half_angle_rad) * s + np.sin(cone.half_angle_rad) * around
+    points = [Point(x=float(x), y=float(y), z=float(z)) for x, y, z in rim]
+    surface = _marker(picture, 'cones', number, Marker.TRIANGLE_LIST, colour, 0.25)
+    surface.scale.x = surface.scale.y = surface.scale.z = 1.0
+    for pair in itertools.pairwise(points):
+        surface.points += [Point(), *pair]
+    yield surface
+    edge = _marker(picture, 'cone_edges', number, Marker.LINE_STRIP, colour)
+    edge.scale.x, edge.points = 0.012, points
+    yield edge
+    if picture.R_NB is not None:
+        violated = cone.margins_rad(picture.R_NB, s) < 0.0
+        yield _arrow(picture, 'boresights', number, 1.15 * picture.R_NB @ cone.axis_B,
+                     (0.0, 0.0, 0.0) if violated else colour)
 
 
 def _arrow(

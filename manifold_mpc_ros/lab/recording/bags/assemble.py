@@ -125,6 +125,13 @@ class Source:
             np.array([sample.value[0] for sample in samples]).reshape(-1, 3, 3),
             np.array([sample.value[1] for sample in samples]).reshape(-1, 3))
 
+    def directions(self, topic: str) -> tuple[IntArray, FloatArray]:
+        """Return stamps (k,) and unit directions (k, 3) in the order of their stamps."""
+        samples = self._decoded(topic, {decode.DIRECTION: _direction})
+        samples.sort(key=lambda sample: (sample.stamp_ns, sample.received_ns))
+        return (_integers([sample.stamp_ns for sample in samples]),
+                np.array([sample.value for sample in samples]).reshape(-1, 3))
+
     def predictions(self, topic: str) -> PredictionSeries:
         """Return the plans."""
         samples = self._decoded(topic, {decode.PATH: decode.path})

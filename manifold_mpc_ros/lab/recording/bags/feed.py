@@ -20,6 +20,7 @@ from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.errors import BagError
 from manifold_mpc_ros.lab.recording.bags import decode
+from manifold_mpc_ros.lab.recording.bags.assemble import Source
 from manifold_mpc_ros.lab.recording.bags.contents import RawMessage, stamp_ns_of
 from manifold_mpc_ros.lab.recording.bags.run import BagRun
 from manifold_mpc_ros.lie import so3
@@ -44,7 +45,10 @@ class FeedMessage:
 
 @dataclass(frozen=True)
 class Feed:
-    """States (of one type) and setpoints, each in the order of their stamps."""
+    """States (of one type) and setpoints, each in the order of their stamps.
+
+    Directions of cones are among the setpoints.
+    """
 
     state_kind: str
     states: tuple[FeedMessage, ...]
@@ -86,6 +90,10 @@ def feed_of(run: BagRun, config: ControllerConfig) -> Feed:
     else:
         kind = decode.ODOMETRY
         states, setpoints = _states(run, config), _setpoints(run, config)
+    for topic in dict.fromkeys(topic for topic, _ in config.cone_topics.values()):
+        full = topic if topic.startswith('/') else f'/{topic}'
+        stamps = Source(run.contents, [], []).directions(full)[0]
+        setpoints += _as_recorded(run, full, full, stamps)
     if not states:
         raise BagError(f'{run.path}: no state on {source} has a stamp and finite values')
     return Feed(kind, _ordered(states), _ordered(setpoints))

@@ -12,6 +12,7 @@ import numpy as np
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.errors import BagError
 from manifold_mpc_ros.lab.recording.bags import measures
+from manifold_mpc_ros.lab.recording.bags.cones import violated_s
 from manifold_mpc_ros.lab.recording.bags.run import COMPLETE, BagRun
 from manifold_mpc_ros.lab.recording.scenarios.parts import AcceptanceLimits
 
@@ -94,6 +95,8 @@ def _judged(run: BagRun, limits: AcceptanceLimits) -> Iterator[Judgement]:
     yield from _box('peak_torque_n_m', limits.peak_torque_n_m, run.commands.torque_B_n_m, 'N m')
     yield from _box('peak_rate_rad_s', limits.peak_rate_rad_s, run.states.omega_BN_B, 'rad/s')
     yield from _at_most('violations', limits.violations, measures.violations(run), '')
+    if limits.cone_violation_s is not None:
+        yield _cones_kept(run, limits.cone_violation_s)
     if limits.solver_time_p99_ms is not None:
         p99_s = measures.solve_time_p99_s(run)
         yield from _at_most('solver_time_p99_ms', limits.solver_time_p99_ms,
@@ -113,6 +116,16 @@ def _settled(run: BagRun, limits: AcceptanceLimits, limit_s: float) -> Judgement
     said = ', '.join('not settled' if each is None else f'{each:.4g} s' for each in times)
     return Judgement('settle_time_s', f'{limit_s:g} s', said,
                      all(each is not None and each <= limit_s for each in times))
+
+
+def _cones_kept(run: BagRun, limit_s: float) -> Judgement:
+    """Judge for how long a cone is not kept for sure, at any time between states."""
+    found = violated_s(run)
+    if found is None:
+        return Judgement('cone_violation_s', f'{limit_s:g} s', 'no cones', False)
+    time_s, worst, margin_rad = found
+    said = f'{time_s:.4g} s (least margin {np.degrees(margin_rad):.3g} deg, {worst})'
+    return Judgement('cone_violation_s', f'{limit_s:g} s', said, time_s <= limit_s)
 
 
 def _at_most(

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from types import TracebackType
 from typing import Any
 
@@ -136,3 +136,8 @@ def _plain(value: Any) -> Any:
     """Return arrays as lists."""
     return list(value) if hasattr(value, '__len__') and not isinstance(value, (str, bytes)) \
         else value
+
+
+def setpoints_taken(said: Mapping[str, str]) -> int:
+    """Return how many setpoints and directions of cones a controller says that it has taken."""
+    return int(said.get('setpoints', 0)) + int(said.get('directions', 0))

@@ -18,16 +18,16 @@ from manifold_mpc_ros.config.tables import CONTROLLER_NAME
 from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.lab.recording.bags.feed import (
     ATTITUDE_TOPIC,
-    DIRECTION_TOPIC,
     STATE_TOPICS,
     Feed,
     FeedMessage,
 )
-from manifold_mpc_ros.lab.recording.nodes.listener import Listener, Watch
+from manifold_mpc_ros.lab.recording.nodes.listener import Listener, Watch, setpoints_taken
 from manifold_mpc_ros.lab.recording.nodes.raw import DEEP_QOS, message_class
 from manifold_mpc_ros.nodes import messages
 
 NODE_NAME = 'bag_replayer'
+VECTOR = 'geometry_msgs/msg/Vector3Stamped'
 #: What has not been answered is published again after this [s of wall clock].
 AGAIN_S = 1.0
 #: Between two times on /clock [s of wall clock].
@@ -52,9 +52,9 @@ class Replayer(Listener):
         self._feed = feed
         self.torques: dict[int, FloatArray] = {}
         self.controller: dict[str, str] = {}
-        kinds = {STATE_TOPICS[feed.state_kind]: feed.state_kind,
-                 ATTITUDE_TOPIC: 'geometry_msgs/msg/QuaternionStamped',
-                 DIRECTION_TOPIC: 'geometry_msgs/msg/Vector3Stamped'}
+        kinds = dict.fromkeys((each.topic for each in feed.setpoints), VECTOR) | {
+            STATE_TOPICS[feed.state_kind]: feed.state_kind,
+            ATTITUDE_TOPIC: 'geometry_msgs/msg/QuaternionStamped'}
         self._publishers: dict[str, Any] = {
             topic: self.node.create_publisher(message_class(kind), topic, DEEP_QOS)
             for topic, kind in kinds.items()}
@@ -97,7 +97,7 @@ class Replayer(Listener):
         first_ns = self._feed.states[0].stamp_ns
         end_ns = self._feed.states[-1].due_ns + round(step_s * NANOSECONDS)
         waiting = sorted(self._feed.setpoints + self._feed.states, key=lambda each: each.due_ns)
-        while waiting and waiting[0].topic in (ATTITUDE_TOPIC, DIRECTION_TOPIC):
+        while waiting and waiting[0].topic != STATE_TOPICS[self._feed.state_kind]:
             self._give(waiting.pop(0), self._another_setpoint(), watch)
         begun_ns = first_tick_ns - round(step_s * NANOSECONDS) + BEHIND_NS
         begun_s = time.monotonic()
@@ -130,8 +130,8 @@ class Replayer(Listener):
 
     def _another_setpoint(self) -> Callable[[], bool]:
         """Return the condition that the controller has counted one more setpoint."""
-        before = int(self.controller.get('setpoints', 0))
-        return lambda: int(self.controller.get('setpoints', 0)) > before
+        before = setpoints_taken(self.controller)
+        return lambda: setpoints_taken(self.controller) > before
 
     def _on_torque(self, message: WrenchStamped) -> None:
         """Keep the first answer to each state."""

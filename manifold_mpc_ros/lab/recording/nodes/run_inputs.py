@@ -15,7 +15,7 @@ from manifold_mpc_ros.control.described.state_writer import write_part
 from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.lab.recording.nodes.bag_recorder import BagRecorder
 from manifold_mpc_ros.lab.recording.nodes.link import Link
-from manifold_mpc_ros.lab.recording.nodes.listener import LOOK_S, Watch
+from manifold_mpc_ros.lab.recording.nodes.listener import LOOK_S, Watch, setpoints_taken
 from manifold_mpc_ros.lab.recording.nodes.raw import DEEP_QOS, StampReader, message_class
 from manifold_mpc_ros.lab.recording.scenarios.parts import LinkFault, Setpoint
 from manifold_mpc_ros.nodes import messages
@@ -49,6 +49,8 @@ class RunInputs:
         Of the inertial axes and of the body.
     setpoint
         How commanded attitudes are said.
+    cone_topics
+        The topics of directions of cones, by cone.
 
     """
 
@@ -56,7 +58,7 @@ class RunInputs:
         self, recorder: BagRecorder, setpoints: Sequence[Setpoint],
         links: Mapping[str, tuple[str, str, LinkFault, StampReader]], state_topic: str, *,
         lockstep: bool, wall_clock: bool, wall_per_s: float, frames: tuple[str, str],
-        setpoint: Part,
+        setpoint: Part, cone_topics: Mapping[str, str],
     ) -> None:
         """Make publishers and links."""
         self._recorder = recorder
@@ -69,7 +71,10 @@ class RunInputs:
         node = recorder.node
         self._kind = message_class(setpoint.message_type)
         self._attitude = node.create_publisher(self._kind, setpoint.topic, DEEP_QOS)
-        self._direction = node.create_publisher(Vector3Stamped, '/direction_setpoint', DEEP_QOS)
+        topics: dict[str | None, str] = {None: '/direction_setpoint'}
+        topics.update(cone_topics.items())
+        self._directions = {cone: node.create_publisher(Vector3Stamped, topic, DEEP_QOS)
+                            for cone, topic in topics.items()}
         self._links: dict[str, Link] = {}
         for source, (target, kind, fault, stamp_of) in links.items():
             message = message_class(kind)
@@ -126,7 +131,7 @@ class RunInputs:
 
     def _counted(self) -> bool:
         """Publish the next setpoint, now and then again; true once the controller counted it."""
-        count = int(self._recorder.controller.get('setpoints', 0))
+        count = setpoints_taken(self._recorder.controller)
         now_s = time.monotonic()
         if self._published_s is None:
             self._counted_before = count
@@ -154,7 +159,7 @@ class RunInputs:
             direction = Vector3Stamped(vector=Vector3(x=x, y=y, z=z))
             direction.header.stamp = messages.to_stamp(stamp_ns)
             direction.header.frame_id = self._frames[0]
-            self._direction.publish(direction)
+            self._directions[setpoint.cone].publish(direction)
 
     def _stamp_ns(self, setpoint: Setpoint) -> int:
         """Return the time that a setpoint is meant for; now, where none has begun [ns]."""

@@ -49,8 +49,10 @@ SETPOINT_KEYS = (
     ParameterSpec('attitude_xyzw', 'floats', [0.0, 0.0, 0.0, 1.0],
                   'commanded attitude, body to inertial, as x, y, z, w', unit='1', lengths=(4,)),
     ParameterSpec('direction_N', 'floats', [1.0, 0.0, 0.0],
-                  'inertial direction for the pointing axis (target: pointing)', unit='1',
-                  lengths=(3,)),
+                  'inertial direction for the pointing axis (target: pointing), or of a cone',
+                  unit='1', lengths=(3,)),
+    ParameterSpec('cone', 'str', 'sun',
+                  'with direction_N: the cone whose direction_topic brings it'),
 )
 LINK_KEYS = (
     ParameterSpec('drop_probability', 'float', 0.0, 'part of the messages that are lost',
@@ -85,6 +87,9 @@ ACCEPTANCE_KEYS = (
     ParameterSpec('violations', 'int', 0,
                   "torques and rates beyond the controller's own limits by more than 1 %",
                   low=0, high=2**31 - 1),
+    ParameterSpec('cone_violation_s', 'float', 0.0,
+                  'time in which a cone is not kept for sure, between samples too', unit='s',
+                  low=0.0, high=1e6),
     ParameterSpec('solver_time_p99_ms', 'float', 50.0, '99 % of the solves take no longer',
                   unit='ms', low=0.0, high=1e6),
     ParameterSpec('promises_broken', 'int', 0,

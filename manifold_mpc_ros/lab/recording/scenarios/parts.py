@@ -26,11 +26,15 @@ from manifold_mpc_ros.lab.recording.scenarios.keys import (
 
 @dataclass(frozen=True, eq=False)
 class Setpoint:
-    """What is commanded from ``at_s`` on: an attitude, or a direction for the pointing axis."""
+    """What is commanded from ``at_s`` on: an attitude, or a direction for the pointing axis.
+
+    With ``cone`` it is no command: from then on the cone of that name has this direction.
+    """
 
     at_s: float
     attitude_xyzw: FloatArray | None = None
     direction_N: FloatArray | None = None
+    cone: str | None = None
 
     @classmethod
     def from_mapping(cls, given: object, prefix: str) -> Setpoint:
@@ -39,6 +43,8 @@ class Setpoint:
         if ('attitude_xyzw' in values) == ('direction_N' in values):
             raise ConfigurationError(
                 prefix.rstrip('.'), given, 'either attitude_xyzw or direction_N')
+        if 'cone' in values and 'attitude_xyzw' in values:
+            raise ConfigurationError(f'{prefix}cone', values['cone'], 'left out, or direction_N')
         if 'attitude_xyzw' in values:
             values['attitude_xyzw'] = checks.unit_quaternion(
                 f'{prefix}attitude_xyzw', values['attitude_xyzw'])
@@ -109,6 +115,7 @@ class AcceptanceLimits:
     peak_torque_n_m: FloatArray | None = None
     peak_rate_rad_s: FloatArray | None = None
     violations: int | None = None
+    cone_violation_s: float | None = None
     solver_time_p99_ms: float | None = None
     promises_broken: int | None = None
     infeasible_ticks: int | None = None

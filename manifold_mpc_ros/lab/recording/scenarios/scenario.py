@@ -177,17 +177,23 @@ class Scenario:
         if self.time_mode != 'clock' and self.clock_factor != 1.0:
             raise ConfigurationError(
                 'time.factor', self.clock_factor, '1 unless time.mode is clock')
-        self._check_setpoints(controller.mpc.target)
+        self._check_setpoints(controller)
         self._check_faults()
 
-    def _check_setpoints(self, target: str) -> None:
+    def _check_setpoints(self, controller: ControllerConfig) -> None:
         """Refuse setpoints after the end, and directions that nobody takes."""
+        topics = ', '.join(controller.cone_topics)
         for index, setpoint in enumerate(self.setpoints):
             if setpoint.at_s >= self.duration_s:
                 raise ConfigurationError(
                     f'setpoints[{index}].at_s', setpoint.at_s,
                     f'less than duration_s, {self.duration_s:g}')
-            if setpoint.direction_N is not None and target != 'pointing':
+            if setpoint.cone is not None:
+                if setpoint.cone not in controller.cone_topics:
+                    raise ConfigurationError(
+                        f'setpoints[{index}].cone', setpoint.cone,
+                        f'a cone with a direction_topic ({topics or "there is none"})')
+            elif setpoint.direction_N is not None and controller.mpc.target != 'pointing':
                 raise ConfigurationError(
                     f'setpoints[{index}].direction_N', setpoint.direction_N.tolist(),
                     'attitude_xyzw instead (directions need controller.target: pointing)')
