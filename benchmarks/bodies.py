@@ -37,14 +37,9 @@ from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.lab.benchmark.peers.oracle import Oracle
 from manifold_mpc_ros.lab.domain.feasibility import Feasibility
 from manifold_mpc_ros.lie import so3
-from manifold_mpc_ros.mpc import search
-from manifold_mpc_ros.mpc.attitude_mpc import NO_LEVEL
-from manifold_mpc_ros.mpc.backends.build import load_solver
-from manifold_mpc_ros.mpc.plan_finder import VIOLATION
-from manifold_mpc_ros.mpc.program.numbers import numbers_of
+from manifold_mpc_ros.mpc.program import options
 from manifold_mpc_ros.mpc.scaling import scaling_of
 from manifold_mpc_ros.mpc.solution import SolveStatus
-from manifold_mpc_ros.mpc.stages.inequalities import structure_of
 
 
 class Body(NamedTuple):
@@ -123,37 +118,30 @@ class ManyStarts:
     """The best plan into the terminal set over a wide field of starts."""
 
     def __init__(self, mpc: AttitudeMpc) -> None:
-        """Load solvers with and without the terminal set."""
-        self._config, config = mpc.config, mpc.config
-        structure = structure_of(config)
-        make, _ = load_solver(structure, config.horizon, 'auto', None)
-        self._solvers = [make(numbers_of(config, mpc.terminal, level, structure))
-                         for level in (mpc.terminal.c, NO_LEVEL)]
-        self._plan, self._unit = self._solvers[0].new_plan(), scaling_of(config)
+        """Take a controller's solver."""
+        self._solver, self._unit = mpc.solver, scaling_of(mpc.config)
 
     def best(self, R: Array) -> float:
         """Return the least cost over all starts whose plan is feasible, else inf."""
         return min(itertools.chain.from_iterable(
-            self._costs(solver, R) for solver in self._solvers)) * self._unit.cost
+            self._costs(with_set, R) for with_set in (True, False))) * self._unit.cost
 
-    def _costs(self, solver: Any, R: Array) -> list[float]:
-        state, costs = solver.set_state(R, np.eye(3), np.zeros(3)), [np.inf]
-        self._solvers[0].set_state(R, np.eye(3), np.zeros(3))
-        steps = search.slew_steps(self._config, state)
-        for part, start, long_way in itertools.product(
-                LEAN_PARTS, search.starts(self._config), (False, True)):
-            if part == LEAN_PARTS[0] or start.leans:
-                search.begin(solver, start._replace(long_way=long_way),
-                             steps * part / search.LEAN_PART)
-                solver.iterate(search.MOST_PASSES)
-                costs.append(self._cost(solver))
+    def _costs(self, with_set: bool, R: Array) -> list[float]:
+        solver, costs = self._solver, [np.inf]
+        solver.set_state(R, np.eye(3), np.zeros(3))
+        solver.use_set(with_set)
+        for part, start, long_way in itertools.product(LEAN_PARTS, solver.starts, (0.0, 1.0)):
+            if part == LEAN_PARTS[0] or start[:3].any():
+                solver.begin(np.append(start[:3], long_way),
+                             solver.slew_steps * part / options.LEAN_PART)
+                solver.iterate(options.MOST_PASSES)
+                costs.append(self._cost())
         return costs
 
-    def _cost(self, solver: Any) -> float:
-        solver.keep(self._plan)
-        report = self._solvers[0].report(self._plan)
-        feasible = max(report.violation, report.last_level - 1) <= VIOLATION
-        return self._plan.progress.cost - report.penalties if feasible else np.inf
+    def _cost(self) -> float:
+        report = self._solver.report()
+        feasible = max(report.violation, report.last_level - 1) <= options.VIOLATION
+        return self._solver.progress.cost - report.penalties if feasible else np.inf
 
 
 def draw(rng: np.random.Generator) -> dict[str, Any]:

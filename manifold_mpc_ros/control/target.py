@@ -11,7 +11,7 @@ import numpy as np
 
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.lie import so3
-from manifold_mpc_ros.mpc.attitude_mpc import SETPOINT_MOVED_RAD
+from manifold_mpc_ros.mpc.program.options import SETPOINT_MOVED_RAD
 from manifold_mpc_ros.mpc.reference import Reference
 
 

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import time
 from collections.abc import Mapping
@@ -15,31 +16,26 @@ from numpy.typing import ArrayLike
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie.arrays import Array
-from manifold_mpc_ros.mpc.backends.build import load_solver
+from manifold_mpc_ros.mpc.backends.build import load_library
+from manifold_mpc_ros.mpc.compiled import CompiledMpc
 from manifold_mpc_ros.mpc.cone_keeper import ConeKeeper
-from manifold_mpc_ros.mpc.local_solver import LocalSolver, Plan, StateReport
-from manifold_mpc_ros.mpc.plan_finder import VIOLATION, PlanFinder
 from manifold_mpc_ros.mpc.program.numbers import numbers_of
 from manifold_mpc_ros.mpc.reference import (
     LEAST_SHARE,
-    ROTATION_DEFECT,
     Reference,
-    ReferenceNumbers,
     numbers_of_reference,
 )
 from manifold_mpc_ros.mpc.scaling import scaling_of
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus, failed, with_wheels
 from manifold_mpc_ros.mpc.stages.inequalities import structure_of
 from manifold_mpc_ros.mpc.stored_design import stored_design
-from manifold_mpc_ros.mpc.target import error_angle
 from manifold_mpc_ros.mpc.wheel_keeper import WheelKeeper
 from manifold_mpc_ros.terminal.design import TerminalDesign
 
-# A level that no state exceeds: the terminal set is then not there.
-NO_LEVEL = 1e12
-# A commanded attitude that moved by more than this [rad] forgets the warm start.
-SETPOINT_MOVED_RAD = 1e-3
 _IDENTITY = np.eye(3)
+# In the order of search.c.
+_STATUSES = tuple(SolveStatus)
+_FAILED = _STATUSES.index(SolveStatus.FAILED)
 
 
 class AttitudeMpc:
@@ -81,35 +77,32 @@ class AttitudeMpc:
         self.config = config
         self.terminal: TerminalDesign = terminal or stored_design(config, cache_dir)
         self._unit = scaling_of(config)
-        self._built_with = backend, cache_dir
         self._disturbance, self._reference = np.zeros(3), numbers_of_reference(
             Reference.fixed(_IDENTITY, config.horizon), config)
-        self._ahead: Array | None = None  # foreseen attitudes of a reference
-        self._build(disturbed=disturbed, moving=moving)
-        inertia = config.inertia_kg_m2 / (self._unit.torque_n_m * self._unit.time_s ** 2)
-        self._guard_squared = float(np.linalg.eigvalsh(inertia)[0]) ** 2
+        self._tracked = self._acting = False
         self._R_ND = _IDENTITY
+        self.backend = 'c'
+        self._build(backend, cache_dir, disturbed=disturbed, moving=moving)
 
-    def _build(self, *, disturbed: bool, moving: bool) -> None:
+    def _build(self, backend: str, cache_dir: str | Path | None, *, disturbed: bool,
+               moving: bool) -> None:
         """Load the solver and allocate its memory."""
         config, self._disturbed, self._moving = self.config, disturbed, moving
         structure = structure_of(config, disturbed=disturbed, moving=moving)
-        make, self.backend = load_solver(structure, config.horizon, *self._built_with)
-
-        def solver_within(level: float) -> LocalSolver:
-            return make(numbers_of(config, self.terminal, level, structure))
-
-        self._strict = solver_within(self.terminal.c)
-        self._relaxed = solver_within(NO_LEVEL) if config.terminal_constraint else self._strict
-        self._cones = ConeKeeper(config, self.terminal, self._strict, self._relaxed)
-        self._wheels = WheelKeeper(config, self.terminal, {self._strict, self._relaxed})
-        self._finder = PlanFinder(config, self._strict, self._relaxed, self._cones)
+        library = load_library(structure, backend, cache_dir)
+        self.solver = CompiledMpc(library, structure, config, numbers_of(
+            config, self.terminal, self.terminal.c, structure))
+        self._build_again = functools.partial(self._build, backend, cache_dir)
+        self._cones = ConeKeeper(config, self.terminal, self.solver)
+        self._wheels = WheelKeeper(config, self.terminal, self.solver)
+        self._cones.aim(self._R_ND)
+        self.solver.disturb(self._disturbance)
         if moving:
-            self._set_reference(self._reference)
+            self.solver.set_reference(self._reference.nodes)
 
     def reset(self) -> None:
         """Forget the warm start; the next solve searches globally."""
-        self._finder.reset()
+        self.solver.reset()
 
     def solve(self, R_NB: ArrayLike, omega_BN_B: ArrayLike, R_ND: ArrayLike | None = None, *,
               disturbance_B_n_m: ArrayLike | None = None, max_solve_time_s: float | None = None,
@@ -149,50 +142,43 @@ class AttitudeMpc:
         """
         begin = time.perf_counter()
         deadline_s = math.inf if max_solve_time_s is None else time.monotonic() + max_solve_time_s
-        self._disturb(disturbance_B_n_m)
-        self._cones.set_directions(directions_N)
+        if disturbance_B_n_m is not None or self._acting:
+            self._disturb(disturbance_B_n_m)
+        if self.config.cones or directions_N:
+            self._cones.set_directions(directions_N)
         if reference is not None or self._moving:
             R_ND = self._track(reference, np.asarray(R_NB, dtype=float), R_ND)
-        state = self._set_state(R_NB, omega_BN_B, R_ND, wheel_momentum_n_m_s)
-        self._ahead = None if reference is None else reference.R_ND[:2]
-        if state is None:
-            self.reset()
-            return failed(R_NB, omega_BN_B, self.config.horizon, time.perf_counter() - begin)
-        plan, passes, searched = self._finder.find(state, deadline_s)
-        answer = self._answer(plan, passes, searched, begin)
+        state = _checked(R_NB, omega_BN_B, R_ND)
+        answer = self._answer(*state, wheel_momentum_n_m_s, begin, deadline_s)
+        if reference is not None:
+            self.solver.foresee(reference.R_ND[1])
         return answer if wheel_momentum_n_m_s is None else with_wheels(
             answer, self.config, self._wheels.working, self._wheels.momentum_n_m_s)
 
     def solve_local(self, R_NB: ArrayLike, omega_BN_B: ArrayLike) -> AttitudeMpcSolution:
         """Map a measured state to the plan of one cold start, the short way; for measuring."""
-        begin = time.perf_counter()
-        if self._set_state(R_NB, omega_BN_B, None, None) is None:
-            return failed(R_NB, omega_BN_B, self.config.horizon, time.perf_counter() - begin)
-        plan, passes = self._finder.first_start()
-        return self._answer(plan, passes, False, begin)
+        begin, state = time.perf_counter(), _checked(R_NB, omega_BN_B, None)
+        return self._answer(*state, None, begin, math.inf, local=True)
 
-    def _set_state(self, R_NB: ArrayLike, omega_BN_B: ArrayLike, R_ND: ArrayLike | None,
-                   wheel_momentum_n_m_s: ArrayLike | None) -> StateReport | None:
-        """Hand a state to the solvers; None when it cannot be predicted from."""
-        attitude = self._R_NB = np.asarray(R_NB, dtype=float)
-        omega = self._omega = np.asarray(omega_BN_B, dtype=float)
-        target = _IDENTITY if R_ND is None else np.asarray(R_ND, dtype=float)
-        for name, value, shape in (('R_NB', attitude, (3, 3)), ('omega_BN_B', omega, (3,)),
-                                   ('R_ND', target, (3, 3))):
-            if value.shape != shape:
-                raise ConfigurationError(name, value.shape, f'an array of shape {shape}')
-        rate, self._begun_s = omega * self._unit.time_s, self._elapsed_s()
-        state = self._strict.set_state(attitude, target, rate)
-        if state.defect > ROTATION_DEFECT or state.momentum_squared >= self._guard_squared:
-            return None
-        if self._relaxed is not self._strict:
-            self._relaxed.set_state(attitude, target, rate)
-        if target is not self._R_ND and not np.array_equal(target, self._R_ND):
-            self._aim(target)
+    def _answer(self, R_NB: Array, omega: Array, R_ND: Array,
+                wheel_momentum_n_m_s: ArrayLike | None, begin: float, deadline_s: float, *,
+                local: bool = False) -> AttitudeMpcSolution:
+        """Return the solver's answer to a state."""
+        if self.config.cones:
+            self._aim(R_NB, omega, R_ND)
         if self.config.wheels is not None:
             self._cones.leave(self.terminal_share * self._wheels.hold(
-                wheel_momentum_n_m_s, attitude, omega, target, self._disturbance))
-        return state
+                wheel_momentum_n_m_s, R_NB, omega, R_ND, self._disturbance))
+        head, torques, attitudes, rates = self.solver.answer(
+            R_NB, omega, R_ND, deadline_s, local=local)
+        status, passes, searched, cost, residual, violation, promised, ratio, local_s = head
+        if status == _FAILED:
+            return failed(R_NB, omega, self.config.horizon, time.perf_counter() - begin)
+        return AttitudeMpcSolution(
+            torques[0].copy(), torques, attitudes, rates, cost, int(passes),
+            time.perf_counter() - begin, _STATUSES[int(status)], residual, violation,
+            searched != 0.0, promised, ratio, local_s, None,
+            self.limits_used if self._acting or self._tracked else 0.0)
 
     @property
     def target_margins_rad(self) -> dict[str, float]:
@@ -201,8 +187,6 @@ class AttitudeMpc:
 
     def _disturb(self, disturbance_B_n_m: ArrayLike | None) -> None:
         """Plan in the net torque under this disturbance (3,) [N m] from now on."""
-        if disturbance_B_n_m is None and not self._disturbance.any():
-            return
         limit = self.config.max_torque_n_m
         bound = np.full(3, np.inf) if limit is None else limit
         d = np.zeros(3) if disturbance_B_n_m is None else np.array(disturbance_B_n_m, dtype=float)
@@ -210,34 +194,35 @@ class AttitudeMpc:
             raise ConfigurationError('disturbance_B_n_m', d.tolist(),
                                      '3 finite numbers, each below the torque limit')
         changed, self._disturbance = not np.array_equal(d, self._disturbance), d
+        self._acting = bool(d.any())
         if limit is not None and changed:
             if not self._disturbed:
-                self._build(disturbed=True, moving=self._moving)
-                self._cones.aim(self._R_ND)
-            for solver in {self._strict, self._relaxed}:
-                solver.disturb(d / self._unit.torque_n_m)
+                self._build_again(disturbed=True, moving=self._moving)
             self._cones.leave(self.terminal_share)
+        self.solver.disturb(d)
 
     def _track(self, reference: Reference | None, R_NB: Array, R_ND: ArrayLike | None
                ) -> ArrayLike | None:
         """Plan about a reference from now on; return its first attitude, R_ND without one."""
-        if reference is None and self._ahead is None:
+        if reference is None and not self._tracked:
             return R_ND
+        self._tracked = reference is not None
         if reference is not None and self.config.target == 'pointing' and R_NB.shape == (3, 3):
             reference = reference.rolled(self.config.pointing_axis_B, R_NB)
         still = Reference.fixed(_IDENTITY, self.config.horizon)
         self._reference = numbers_of_reference(reference or still, self.config)
         if not self._moving:
-            self._build(disturbed=self._disturbed, moving=True)
-            self._cones.aim(self._R_ND)
-        self._set_reference(self._reference)
+            self._build_again(disturbed=self._disturbed, moving=True)
+        self.solver.set_reference(self._reference.nodes)
         self._cones.leave(self.terminal_share)
         return R_ND if reference is None else reference.R_ND[0]
 
-    def _set_reference(self, numbers: ReferenceNumbers) -> None:
-        """Hand a reference to the solvers."""
-        for solver in {self._strict, self._relaxed}:
-            solver.set_reference(numbers.nodes)
+    def _aim(self, R_NB: Array, omega: Array, R_ND: Array) -> None:
+        """Say which attitude is commanded with a state, as long as it can be used."""
+        if not np.array_equal(R_ND, self._R_ND) and self.solver.set_state(
+                R_NB, R_ND, omega * self._unit.time_s) is not None:
+            self._R_ND = R_ND.copy()
+            self._cones.aim(self._R_ND)
 
     @property
     def limits_used(self) -> float:
@@ -250,49 +235,18 @@ class AttitudeMpc:
     @property
     def terminal_share(self) -> float:
         """The part of the terminal level that they leave; of less than the least, no promise."""
-        return max(LEAST_SHARE, 1.0 - self.limits_used) ** 2
+        left = max(LEAST_SHARE, 1.0 - self.limits_used)
+        return left * left
 
-    def _aim(self, target: Array) -> None:
-        """Forget the warm start where the commanded attitude moved otherwise than foreseen."""
-        foreseen, allowed = [self._R_ND], SETPOINT_MOVED_RAD
-        if self._ahead is not None:
-            foreseen = list(self._ahead)
-            allowed += float(error_angle(self.config, foreseen[0].T @ foreseen[1]))
-        if min(error_angle(self.config, target.T @ each) for each in foreseen) > allowed:
-            self.reset()
-        self._R_ND = target if target is _IDENTITY else target.copy()
-        self._cones.aim(self._R_ND)
 
-    def _answer(self, plan: Plan | None, passes: int, searched: bool, begin: float
-                ) -> AttitudeMpcSolution:
-        """Keep a plan for the next tick and return it in SI units."""
-        if plan is None:
-            self.reset()
-            return failed(self._R_NB, self._omega, self.config.horizon,
-                          time.perf_counter() - begin)
-        report, unit = self._strict.report(plan), self._unit
-        self._finder.keep(plan, report)
-        cost = plan.progress.cost - report.penalties
-        torques, poses = plan.torques * unit.torque_n_m, self._strict.poses()
-        if self._disturbance.any():
-            torques -= self._disturbance
-        violation = max(report.violation, self._finder.missed(report))
-        return AttitudeMpcSolution(
-            torque_B_n_m=torques[0].copy(), torques_B_n_m=torques,
-            R_NB=poses[:, :9].reshape(-1, 3, 3), omega_BN_B=poses[:, 9:] * unit.rate_rad_s,
-            cost=cost * unit.cost, iterations=passes, solve_time_s=time.perf_counter() - begin,
-            status=self._status(plan, violation), kkt_residual=plan.progress.residual,
-            violation=violation, searched=searched,
-            promised_cost=(cost - report.first_cost) * unit.cost,
-            terminal_ratio=report.first_level, local_time_s=self._elapsed_s() - self._begun_s,
-            limits_used=self.limits_used)
-
-    def _elapsed_s(self) -> float:
-        """Return the time that the local solvers have taken so far [s]."""
-        return sum(solver.elapsed_s for solver in {self._strict, self._relaxed})
-
-    def _status(self, plan: Plan, violation: float) -> SolveStatus:
-        """Return how a solve ended."""
-        if violation > VIOLATION or not self._finder.inside:
-            return SolveStatus.INFEASIBLE
-        return SolveStatus.CONVERGED if plan.progress.converged else SolveStatus.FEASIBLE
+def _checked(R_NB: ArrayLike, omega_BN_B: ArrayLike, R_ND: ArrayLike | None
+             ) -> tuple[Array, Array, Array]:
+    """Return a state and a commanded attitude as arrays; raises for a wrong shape."""
+    attitude, omega = np.asarray(R_NB, dtype=float), np.asarray(omega_BN_B, dtype=float)
+    target = _IDENTITY if R_ND is None else np.asarray(R_ND, dtype=float)
+    if attitude.shape == (3, 3) == target.shape and omega.shape == (3,):
+        return attitude, omega, target
+    name, value, shape = next(each for each in (
+        ('R_NB', attitude, (3, 3)), ('omega_BN_B', omega, (3,)), ('R_ND', target, (3, 3)))
+        if each[1].shape != each[2])
+    raise ConfigurationError(name, value.shape, f'an array of shape {shape}')

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,30 +12,28 @@ from numpy.typing import ArrayLike
 from manifold_mpc_ros.config.cones import directions, tightened
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.lie.arrays import Array
-from manifold_mpc_ros.mpc import search
-from manifold_mpc_ros.mpc.local_solver import LocalSolver, Plan
+from manifold_mpc_ros.mpc.compiled import CompiledMpc
 from manifold_mpc_ros.mpc.scaling import scaling_of
-from manifold_mpc_ros.mpc.ways import Ways
+from manifold_mpc_ros.mpc.ways import MOST_WAYS, Ways
 from manifold_mpc_ros.terminal.cone_cut import cut_level, spread, target_margins_rad
 from manifold_mpc_ros.terminal.design import TerminalDesign
 
 
 class ConeKeeper:
-    """Hands cones to the solvers; ``strict`` has the terminal set, ``relaxed`` has none."""
+    """Hands cones, the level that they leave, and ways round them to the solver."""
 
-    def __init__(self, config: AttitudeMpcConfig, terminal: TerminalDesign, strict: LocalSolver,
-                 relaxed: LocalSolver) -> None:
+    def __init__(self, config: AttitudeMpcConfig, terminal: TerminalDesign, solver: CompiledMpc
+                 ) -> None:
         """Begin with the configuration's directions and the identity as target."""
-        self._config, self._terminal = config, terminal
-        self._strict, self._relaxed = strict, relaxed
+        self._config, self._terminal, self._solver = config, terminal, solver
         self._unit, self._spread = scaling_of(config).cost, spread(config, terminal.P)
-        self._ways = Ways(config) if config.cones else None
         self._R_ND, self._directions_N = np.eye(3), np.zeros(0)
         self._margins: dict[str, float] = {}
         self._kept = config.kept_cones
-        self._level, self._share = terminal.c, 1.0
-        #: Whether the cones leave the target a terminal set.
-        self.allowed = True
+        self._level, self._share, self._allowed = terminal.c, 1.0, True
+        if config.cones:
+            self._ways = Ways(config)
+            solver.set_ways(self._aims, MOST_WAYS)
         self.set_directions(None)
 
     def set_directions(self, directions_N: Mapping[str, ArrayLike] | None) -> None:
@@ -49,8 +47,7 @@ class ConeKeeper:
         steps = np.linalg.norm(np.diff(given, axis=0), axis=-1).max(axis=0)
         self._kept = tightened(config.cones, config.between_samples, steps.tolist())
         self._directions_N = given
-        for solver in {self._strict, self._relaxed}:
-            solver.set_cones(self._kept, given)
+        self._solver.set_cones(self._kept, given)
         self.aim(self._R_ND)
 
     def aim(self, R_ND: Array) -> None:
@@ -60,7 +57,7 @@ class ConeKeeper:
             return
         self._margins = target_margins_rad(self._config, self._kept, R_ND, self._directions_N)
         level = cut_level(self._terminal.c, self._margins, self._spread)
-        self.allowed = level > 0.0
+        self._allowed = level > 0.0
         self._level = level or self._terminal.c
         self._set_level()
 
@@ -70,27 +67,20 @@ class ConeKeeper:
         self._set_level()
 
     def _set_level(self) -> None:
-        """Hand the level to the solver that has the terminal set."""
-        if self._relaxed is not self._strict:
-            self._strict.set_level(self._share * self._level / self._unit)
+        """Hand the level to the solver."""
+        part = self._share * self._level if self._config.terminal_constraint else self._terminal.c
+        self._solver.set_level(part / self._unit, allowed=self._allowed)
 
     @property
     def target_margins_rad(self) -> dict[str, float]:
         """By which angle the target keeps each cone or group [rad]; negative: missing."""
         return self._margins
 
-    def search(self, solver: LocalSolver, best: Plan | None, pool: Sequence[Plan],
-               deadline_s: float) -> tuple[Plan | None, int]:
-        """Return the best of a plan and those that lead round cones, and the passes that it took.
+    def _aims(self, R_DB: Array, held: bool) -> list[Array]:
+        """Return what starts from an attitude (3, 3) aim at, stage by stage, (N + 1, 4) each.
 
-        There are none where neither the plan touches a cone nor the straight way crosses one.
+        None where neither a cone ``held`` the best plan nor the straight way crosses one.
         """
-        if self._ways is None:
-            return best, 0
         horizon = self._config.horizon
         seen = self._directions_N[[0, horizon // 2, horizon]] @ self._R_ND
-        aims = self._ways.aims(self._kept, seen, solver.attitude,
-                               held=best is None or solver.touches_cone(best))
-        field = [search.Start((0.0, 0.0, 0.0), False, way) for way in aims]
-        free = [plan for plan in pool if plan is not best]
-        return search.global_search(solver, field, 0.0, free, deadline_s, known=best)
+        return self._ways.aims(self._kept, seen, R_DB, held=held)

@@ -6,85 +6,85 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from manifold_mpc_ros.errors import SolverBuildError
-from manifold_mpc_ros.lie.arrays import Array
+
+_POINTER, _DOUBLE, _INTEGER = ctypes.c_void_p, ctypes.c_double, ctypes.c_long
+#: Writes the aims of ways round cones; maps whether a cone holds the best plan to their number.
+WaysFunction = ctypes.CFUNCTYPE(_INTEGER, _INTEGER)
+
+
+def _fields(*kinds: tuple[Any, str]) -> list[tuple[str, Any]]:
+    return [(name, kind) for kind, names in kinds for name in names.split()]
 
 
 class Solve(ctypes.Structure):
     """The struct ``solve`` of driver.c."""
 
-    _fields_ = [(name, kind) for kind, names in (
-        (ctypes.c_void_p, 'plan fresh model g'),
-        (ctypes.c_double, 'cost logs mu exact stationarity products decrease elapsed_s'),
-        (ctypes.c_long, 'horizon flag passes total_passes')) for name in names.split()]
+    _fields_ = _fields(
+        (_POINTER, 'plan fresh model g'),
+        (_DOUBLE, 'cost logs mu exact stationarity products decrease'),
+        (_INTEGER, 'horizon flag passes total_passes'))
 
 
-class Course(ctypes.Structure):
-    """A closed loop that the solver runs by itself: when to stop, and what is recorded.
+class Kept(ctypes.Structure):
+    """The struct ``plan`` of search.c."""
 
-    The struct ``course`` of driver.c. A tick is not taken when its plan violates a limit by more
-    than ``violation``, or costs more than V - L of the plan before plus ``value_slack`` of that
-    (at least of ``least_value``) with ``near_rad`` or more left to turn.
-    """
-
-    _fields_ = [(name, kind) for kind, names in (  # type: ignore[misc]
-        (ctypes.c_double, 'near_rad violation value_slack least_value value_bound'),
-        (ctypes.c_void_p, 'states torques costs passes'), (ctypes.c_long, 'ticks'),
-    ) for name in names.split()]
+    _fields_ = _fields((_POINTER, 'memory'), (_DOUBLE, 'cost residual'), (_INTEGER, 'flag'))
 
 
-@dataclass(frozen=True)
-class LoopRecord:
-    """States (T, 12) (R_NB row by row, rate), torques (T, 3), costs and passes (T,)."""
+class Controller(ctypes.Structure):
+    """The struct ``controller`` of search.c."""
 
-    states: Array
-    torques: Array
-    costs: Array
-    passes: NDArray[np.int_]
+    _fields_ = _fields(
+        (Solve, 'solve'), (Kept, 'kept best other'), (_POINTER, 'starts answer reported'),
+        (WaysFunction, 'ways'), (_POINTER, 'aims'),
+        (_DOUBLE, 'time_s torque_n_m rate_rad_s cost step_s quickest guard_squared level'),
+        (_DOUBLE * 3, 'disturbance_n_m'), (_DOUBLE, 'value_bound deadline_s local_s'),
+        (_INTEGER, 'start_count allowed warm inside violating passes searched'))
 
-    @classmethod
-    def of(cls, ticks: int) -> LoopRecord:
-        """Allocate for so many ticks."""
-        return cls(np.zeros((ticks, 12)), np.zeros((ticks, 3)), np.zeros(ticks),
-                   np.zeros(ticks, dtype=np.int_))
+
+class LoopRecord(ctypes.Structure):
+    """The struct ``loop_record`` of python.c: addresses of what a closed loop writes."""
+
+    _fields_ = _fields((_POINTER, 'states torques costs passes'), (_INTEGER, 'ticks'))
 
 
 class Library:
-    """The functions of a compiled solver (driver.c), as attributes of their names."""
+    """The functions of a compiled solver (python.c), as attributes of their names."""
 
-    prepare: Callable[..., int]
+    answer: Callable[..., None]
+    prepare: Callable[..., None]
     set_state: Callable[..., int]
-    begin_slew: Callable[..., int]
-    begin_shift: Callable[..., int]
-    iterate: Callable[..., int]
-    improve: Callable[..., int]
-    report: Callable[..., int]
-    advance: Callable[..., int]
+    slew_steps: Callable[..., float]
+    use_set: Callable[..., None]
+    begin_start: Callable[..., None]
+    begin_slew: Callable[..., None]
+    begin_way: Callable[..., None]
+    iterate: Callable[..., None]
+    report: Callable[..., None]
+    model: Callable[..., None]
+    try_step: Callable[..., None]
+    advance: Callable[..., None]
     follow: Callable[..., int]
-    model: Callable[..., int]
-    try_step: Callable[..., int]
 
     def __init__(self, path: Path) -> None:
         """Load it; raises SolverBuildError when it cannot be loaded."""
-        pointer, double, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_long
         signatures: dict[str, tuple[Any, ...]] = {
-            'prepare': (), 'set_state': (), 'begin_slew': (double, pointer, integer),
-            'begin_shift': (double, pointer), 'iterate': (integer, double),
-            'improve': (pointer, double), 'report': (pointer,), 'advance': (),
-            'follow': (pointer, pointer, integer), 'model': (double,), 'try_step': (double,)}
+            'answer': (None, _DOUBLE, _INTEGER), 'prepare': (None,), 'set_state': (_INTEGER,),
+            'slew_steps': (_DOUBLE,), 'use_set': (None, _INTEGER),
+            'begin_start': (None, _POINTER, _DOUBLE), 'begin_slew': (None, _DOUBLE),
+            'begin_way': (None, _POINTER), 'iterate': (None, _INTEGER, _DOUBLE),
+            'report': (None,), 'model': (None, _DOUBLE), 'try_step': (None, _DOUBLE),
+            'advance': (None,), 'follow': (_INTEGER, _POINTER, _INTEGER)}
         try:
             library = ctypes.CDLL(str(path))
             self.lanes = int(library.mpc_lane_count())
-            for name, arguments in signatures.items():
+            for name, (result, *arguments) in signatures.items():
                 function = getattr(library, f'mpc_{name}')
-                function.argtypes, function.restype = (pointer, *arguments), integer
+                function.argtypes, function.restype = (_POINTER, *arguments), result
                 setattr(self, name, function)
         except (OSError, AttributeError) as error:
             raise SolverBuildError(f'cannot load the compiled solver {path}: {error}') from error

@@ -14,10 +14,9 @@ from manifold_mpc_ros.config.rate_limits import RateBox
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.lie.arrays import Array
+from manifold_mpc_ros.mpc.program.options import ROTATION_DEFECT
 from manifold_mpc_ros.mpc.scaling import scaling_of
 
-#: A matrix farther than this from SO(3) is no rotation.
-ROTATION_DEFECT = 1e-6
 #: Of the limits, a reference leaves this part at least to the solver: less is not followed.
 LEAST_SHARE = 1e-2
 

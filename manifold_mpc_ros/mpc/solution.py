@@ -4,8 +4,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -37,8 +37,7 @@ class SolveStatus(str, Enum):
         return self.value
 
 
-@dataclass(frozen=True)
-class AttitudeMpcSolution:
+class AttitudeMpcSolution(NamedTuple):
     """The plan of one solve, SI units, body torques and rates.
 
     ``cost`` is the value of the plan; ``kkt_residual`` is dimensionless; ``violation`` is the
@@ -93,4 +92,4 @@ def with_wheels(solution: AttitudeMpcSolution, config: AttitudeMpcConfig,
         raise ConfigurationError('wheel_momentum_n_m_s', momentum_n_m_s, 'None without wheels')
     allocation = WheelAllocation(wheels, config.inertia_kg_m2, config.step_s,
                                  solution.omega_BN_B[0], momentum_n_m_s, solution.torque_B_n_m)
-    return replace(solution, wheel_torque_n_m=allocation.motor_torques(allocation.part()))
+    return solution._replace(wheel_torque_n_m=allocation.motor_torques(allocation.part()))

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.lie.arrays import Array
-from manifold_mpc_ros.mpc.local_solver import LocalSolver
+from manifold_mpc_ros.mpc.compiled import CompiledMpc
 from manifold_mpc_ros.mpc.scaling import scaling_of
 from manifold_mpc_ros.mpc.stages.wheel_limits import Wheels
 from manifold_mpc_ros.terminal.design import TerminalDesign
@@ -19,14 +19,14 @@ _LEAST_ROOM = 1e-3
 
 
 class WheelKeeper:
-    """Hands wheels to solvers: their sets, and the momentum of body and wheels."""
+    """Hands wheels to the solver: their sets, and the momentum of body and wheels."""
 
     def __init__(self, config: AttitudeMpcConfig, terminal: TerminalDesign,
-                 solvers: set[LocalSolver]) -> None:
+                 solver: CompiledMpc | None) -> None:
         """Begin with every wheel at rest, and working."""
         self.working = config.wheels
         self.momentum_n_m_s = np.zeros(0 if config.wheels is None else len(config.wheels))
-        self._config, self._terminal, self._solvers = config, terminal, solvers
+        self._config, self._terminal, self._solver = config, terminal, solver
         self._unit = scaling_of(config)
         inverse = np.linalg.inv(terminal.P)
         self._torque_spread = terminal.K @ inverse @ terminal.K.T
@@ -58,8 +58,8 @@ class WheelKeeper:
             R_ND.T @ R_NB @ (self._config.inertia_kg_m2 @ omega_BN_B + stored),
             stored - self.working.matrix @ self.momentum_n_m_s, disturbance_B,
             disturbance_B - np.cross(omega_BN_B, stored))
-        for solver in self._solvers:
-            solver.set_wheels(now, self._unit)
+        if self._solver is not None:
+            self._solver.set_wheels(now, self._unit)
         return self.share(now)
 
     def share(self, now: Wheels) -> float:

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
@@ -100,7 +99,7 @@ def test_a_plan_out_of_its_life_or_for_another_goal_is_no_rival() -> None:
 def test_a_plan_with_a_torque_that_is_not_finite_is_none(field: str) -> None:
     torques = getattr(plan(), field).copy()
     torques.flat[-1] = math.nan
-    broken = dataclasses.replace(plan(status=SolveStatus.CONVERGED), **{field: torques})
+    broken = plan(status=SolveStatus.CONVERGED)._replace(**{field: torques})
     assert is_valid(plan())
     assert not is_valid(broken)
     assert HeldPlan(STEP_NS).offer(broken, 0, GOAL) is Offer.INVALID

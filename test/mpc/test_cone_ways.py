@@ -55,14 +55,13 @@ def best_of_many_starts(mpc: AttitudeMpc, R: Array) -> float:
 
     The state of the last solve is set; R is its attitude in the target's axes.
     """
-    assert mpc._cones._ways is not None
-    solver, plan, best = mpc._strict, mpc._strict.new_plan(), math.inf
+    solver, best = mpc.solver, math.inf
+    solver.use_set(True)
     for via in so3.random_rotations(generator('vias'), 24):
-        solver.begin_way(1.0, mpc._cones._ways._timed(np.array([R, via, np.eye(3)])))
+        solver.begin_way(mpc._cones._ways._timed(np.array([R, via, np.eye(3)])))
         solver.iterate(200)
         if solver.progress.converged:
-            solver.keep(plan)
-            best = min(best, plan.progress.cost)
+            best = min(best, solver.progress.cost)
     return best
 
 

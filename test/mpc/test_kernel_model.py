@@ -20,10 +20,10 @@ from strategies import INERTIAS, generator
 from manifold_mpc_ros.config.cones import Cone
 from manifold_mpc_ros.config.wheels import WheelArray
 from manifold_mpc_ros.lie import so3
-from manifold_mpc_ros.mpc import search
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
-from manifold_mpc_ros.mpc.local_solver import LocalSolver
+from manifold_mpc_ros.mpc.compiled import CompiledMpc
 from manifold_mpc_ros.mpc.program import fields as f
+from manifold_mpc_ros.mpc.program import options
 from manifold_mpc_ros.mpc.reference import Reference
 from manifold_mpc_ros.mpc.stages.inequalities import inequalities_of
 
@@ -59,7 +59,7 @@ MOVING: dict[str, dict[str, Any]] = {
     'moving certified': KINDS['certified'], 'moving paper': KINDS['limited paper']}
 
 
-class Probe(LocalSolver):
+class Probe(CompiledMpc):
     """The solver with its model and its trial laid open."""
 
     def modelled(self, mu: float) -> tuple[float, float]:
@@ -95,7 +95,7 @@ def probe(request: pytest.FixtureRequest) -> Probe:
     if config.wheels is not None:
         mpc.solve(np.eye(3), np.zeros(3), wheel_momentum_n_m_s=[0.4, -0.3, 0.5, 0.2, -0.1],
                   disturbance_B_n_m=[0.02, -0.05, 0.03])
-    solver = mpc._strict
+    solver = mpc.solver
     solver.__class__ = Probe
     assert isinstance(solver, Probe)
     return solver
@@ -103,15 +103,14 @@ def probe(request: pytest.FixtureRequest) -> Probe:
 
 def starts(probe: Probe, n: int, mu: float) -> Any:
     """Yield n random states from which a central start keeps clear of its multipliers' cap."""
-    rng, found, plan = generator('model'), 0, probe.new_plan()
+    rng, found = generator('model'), 0
     while found < n:
         R, omega = so3.random_rotations(rng, 1)[0], rng.uniform(-0.1, 0.1, 3)
         probe.set_state(R, np.eye(3), omega)
-        probe.begin_slew(mu, np.zeros(3), 1)
-        probe.keep(plan)
-        multipliers = [plan.field(each.multiplier)[1:] for each in inequalities_of(probe.structure)
-                       if each.penalty is not None and each.name != 'terminal_level']
-        multipliers += [plan.field(each.multiplier)[-1:] for each in inequalities_of(
+        probe.begin_slew(mu)
+        multipliers = [probe.field(each.multiplier)[1:] for each in inequalities_of(
+            probe.structure) if each.penalty is not None and each.name != 'terminal_level']
+        multipliers += [probe.field(each.multiplier)[-1:] for each in inequalities_of(
             probe.structure) if each.name == 'terminal_level']
         if all(values.max() < 9.9 for values in multipliers):
             found += 1
@@ -119,7 +118,7 @@ def starts(probe: Probe, n: int, mu: float) -> Any:
 
 
 def test_the_model_is_the_expansion_of_the_merit(probe: Probe) -> None:
-    mu, h = search.COLD_BARRIER, 1e-4
+    mu, h = options.COLD_BARRIER, 1e-4
     for _ in starts(probe, 3, mu):
         decrease, stationarity = probe.modelled(mu)
         assert decrease > 1e-3
@@ -132,10 +131,10 @@ def test_the_model_is_the_expansion_of_the_merit(probe: Probe) -> None:
 
 def test_a_wrong_gradient_would_be_seen(probe: Probe) -> None:
     """The same comparison fails when the plan is not the one that was modelled."""
-    mu, h = search.COLD_BARRIER, 1e-4
+    mu, h = options.COLD_BARRIER, 1e-4
     states = list(starts(probe, 2, mu))
     decrease, _ = probe.modelled(mu)
     probe.set_state(states[0][0], np.eye(3), states[0][1])
-    probe.begin_slew(mu, np.zeros(3), 1)
+    probe.begin_slew(mu)
     slope = (probe.merit(h) - probe.merit(-h)) / (2 * h)
     assert abs(slope + decrease) > 1e-2 * decrease

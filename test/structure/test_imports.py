@@ -46,7 +46,7 @@ ONLY_IN |= dict.fromkeys(('dask', 'distributed', 'pyarrow'), ('lab/campaign/',))
 ONLY_IN['rosbags'] = ('lab/recording/bags/',)
 # No clock below the nodes, except that the solver reports its time and ends early on a budget.
 ONLY_IN |= dict.fromkeys(('datetime', 'sched', 'time'), ('nodes/', 'cli/', 'lab/', *(
-    f'mpc/{path}.py' for path in ('attitude_mpc', 'plan_finder', 'search'))))
+    f'mpc/{path}.py' for path in ('attitude_mpc',))))
 
 
 def layer_of(module: str) -> str:

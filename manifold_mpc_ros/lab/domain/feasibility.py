@@ -19,15 +19,11 @@ import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.lie.arrays import Array
-from manifold_mpc_ros.mpc import search
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
-from manifold_mpc_ros.mpc.backends.build import load_solver
-from manifold_mpc_ros.mpc.plan_finder import VIOLATION
+from manifold_mpc_ros.mpc.program import fields as f
 from manifold_mpc_ros.mpc.program import options
-from manifold_mpc_ros.mpc.program.numbers import numbers_of
 from manifold_mpc_ros.mpc.scaling import scaling_of
 from manifold_mpc_ros.mpc.solution import SolveStatus
-from manifold_mpc_ros.mpc.stages.inequalities import structure_of
 from manifold_mpc_ros.terminal.design import TerminalDesign
 
 # Passes between two looks at whether a plan is feasible.
@@ -41,12 +37,8 @@ class Feasibility:
                  backend: str = 'auto', cache_dir: str | Path | None = None) -> None:
         """Build or load the solver; raises SolverBuildError as :class:`AttitudeMpc` does."""
         config = self._config = replace(config, terminal_constraint=True)
-        structure = structure_of(config)
-        make, self.backend = load_solver(structure, config.horizon, backend, cache_dir)
-        self._solver = make(numbers_of(config, terminal, terminal.c, structure))
         self._mpc = AttitudeMpc(config, backend=backend, cache_dir=cache_dir, terminal=terminal)
-        self._starts = search.starts(config)
-        self._plan = self._solver.new_plan()
+        self._solver, self.backend = self._mpc.solver, self._mpc.backend
         self._unit = scaling_of(config)
         self._limits = config.rate_limits
 
@@ -55,17 +47,16 @@ class Feasibility:
 
         The torques steer it into the terminal set within all limits.
         """
-        state = self._solver.set_state(R_NB, np.eye(3), omega_BN_B * self._unit.time_s)
-        steps = search.slew_steps(self._config, state)
-        for start in self._starts:
-            search.begin(self._solver, start, steps)
+        self._solver.set_state(R_NB, np.eye(3), omega_BN_B * self._unit.time_s)
+        for start in self._solver.starts:
+            self._solver.begin(start, self._solver.slew_steps)
             while not self._is_feasible():
                 progress = self._solver.progress
-                if progress.flag != options.RUNNING or progress.passes >= search.MOST_PASSES:
+                if progress.flag != options.RUNNING or progress.passes >= options.MOST_PASSES:
                     break
                 self._solver.iterate(progress.passes + _PASSES_BETWEEN)
             else:
-                return self._plan.torques * self._unit.torque_n_m
+                return self._solver.field(f.TORQUE)[:-1] * self._unit.torque_n_m
         self._mpc.reset()
         solution = self._mpc.solve(R_NB, omega_BN_B)
         found = solution.status in (SolveStatus.CONVERGED, SolveStatus.FEASIBLE)
@@ -74,14 +65,13 @@ class Feasibility:
     def terminal_ratio(self, R_NB: Array, omega_BN_B: Array) -> float:
         """Return ``xi^T P xi / c`` of a state, at most 1 in X_T = D_0."""
         self._solver.set_state(R_NB, np.eye(3), omega_BN_B * self._unit.time_s)
-        search.begin(self._solver, self._starts[0], 0.0)
-        self._solver.keep(self._plan)
-        return self._solver.report(self._plan).first_level
+        self._solver.begin(self._solver.starts[0], 0.0)
+        return self._solver.report().first_level
 
     def _is_feasible(self) -> bool:
         """Return whether a roll-out keeps the rate limits at k >= 1 and ends in X_T."""
-        self._solver.keep(self._plan)
-        report = self._solver.report(self._plan)
+        report = self._solver.report()
         rates = self._solver.poses()[1:, 9:].T * self._unit.rate_rad_s
         values = [value for limit in self._limits for value in limit.values(rates)]
-        return bool(np.all(np.array(values) <= VIOLATION) and report.last_level <= 1 + VIOLATION)
+        return bool(np.all(np.array(values) <= options.VIOLATION)
+                    and report.last_level <= 1 + options.VIOLATION)

@@ -174,7 +174,7 @@ def momentum_shares(config: AttitudeMpcConfig, design: TerminalDesign) -> dict[f
     from manifold_mpc_ros.mpc.wheel_keeper import WheelKeeper
     if config.wheels is None:
         return {}
-    keeper, momenta, rest = WheelKeeper(config, design, set()), config.wheels.momenta, np.zeros(3)
+    keeper, momenta, rest = WheelKeeper(config, design, None), config.wheels.momenta, np.zeros(3)
     nearest = int(np.argmin(momenta.bounds))
     total = momenta.bounds[nearest] * momenta.normals[nearest]
     return {part: keeper.share(Wheels(config.wheels, part * total, rest, rest, rest))

@@ -22,18 +22,15 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import casadi as ca
 
 from manifold_mpc_ros.errors import CacheError, ConfigurationError, SolverBuildError
-from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc import cache
 from manifold_mpc_ros.mpc.backends.code_generation import program_code
 from manifold_mpc_ros.mpc.library import Library
-from manifold_mpc_ros.mpc.local_solver import LocalSolver
-from manifold_mpc_ros.mpc.program.phase import Field, Structure
+from manifold_mpc_ros.mpc.program.phase import Structure
 
 BACKENDS = ('auto', 'c')
 # No contraction into fused multiply-add: every processor and compiler then executes the same
@@ -42,13 +39,9 @@ _FLAGS = ('-std=gnu11', '-O2', '-march=native', '-ffp-contract=off', '-fno-math-
           '-shared')
 _COMPILE_TIMEOUT_S = 300
 
-# Makes a solver with memory of its own from the numbers of a problem.
-MakeSolver = Callable[[Mapping[Field, Array]], LocalSolver]
 
-
-def load_solver(structure: Structure, horizon: int, backend: str, cache_dir: str | Path | None
-                ) -> tuple[MakeSolver, str]:
-    """Return what makes solvers of this structure and horizon, and the backend's name, 'c'.
+def load_library(structure: Structure, backend: str, cache_dir: str | Path | None) -> Library:
+    """Return the compiled solver, from the cache or freshly compiled; its backend is 'c'.
 
     Raises
     ------
@@ -60,12 +53,6 @@ def load_solver(structure: Structure, horizon: int, backend: str, cache_dir: str
     """
     if backend not in BACKENDS:
         raise ConfigurationError('backend', backend, f'one of {", ".join(BACKENDS)}')
-    library = _load_library(structure, cache_dir)
-    return lambda numbers: LocalSolver(library, structure, horizon, numbers), 'c'
-
-
-def _load_library(structure: Structure, cache_dir: str | Path | None) -> Library:
-    """Return the compiled solver, from the cache or freshly compiled."""
     try:
         path = cache.cache_directory(cache_dir) / f'solver_{_key(structure)}.so'
         if cache.read(path) is None:

@@ -10,6 +10,7 @@ sequence of roundings with any compiler and any number of lanes.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -19,6 +20,9 @@ from manifold_mpc_ros.mpc.program import fields, options
 from manifold_mpc_ros.mpc.program.layout import Layout, layout_of
 from manifold_mpc_ros.mpc.program.phase import Memory, Order, Phase, Ref, Structure
 from manifold_mpc_ros.mpc.program.program import program_of
+from manifold_mpc_ros.mpc.scaling import TERMINAL_LEVEL
+from manifold_mpc_ros.mpc.stages.cone import AIM
+from manifold_mpc_ros.mpc.stages.inequalities import cone_inequalities, terminal_level
 
 _BINARY = {
     ca.OP_ADD: '{} + {}', ca.OP_SUB: '{} - {}', ca.OP_MUL: '{} * {}', ca.OP_DIV: '{} / {}',
@@ -33,7 +37,8 @@ _UNARY = {
     ca.OP_SIN: 'sin({})', ca.OP_COS: 'cos({})'}
 
 
-def _number(value: float) -> str:
+def number(value: float) -> str:
+    """Return a number as C writes it, to the bit."""
     return repr(float(value)) if value == value and abs(value) != float('inf') else (
         'NAN' if value != value else ('INFINITY' if value > 0 else '-INFINITY'))
 
@@ -57,8 +62,8 @@ class _Printer:
         if registers:
             lines.append(f'        {self._type} ' + ', '.join(f'w{i}' for i in registers) + ';')
         lines += [f'        {line}' for line in self._body(function)]
-        return '\n'.join([*lines, '    }', '    (void)plan; (void)fresh; (void)model; (void)g;',
-                          '}', ''])
+        unused = ' '.join(f'(void){name};' for name in ('plan', 'fresh', 'model', 'g', 'n'))
+        return '\n'.join([*lines, '    }', f'    {unused}', '}', ''])
 
     def _loop(self) -> str:
         phase = self._phase
@@ -88,7 +93,7 @@ class _Printer:
             yield f'w{outputs[0]} = {value};'
 
     def _constant(self, value: float) -> str:
-        text = _number(value)
+        text = number(value)
         return f'splat({text})' if self._lanes else text
 
     def _place(self, ref: Ref, entry: int) -> tuple[str, int, int]:
@@ -133,21 +138,39 @@ def _part_code(name: str, phases: Iterable[Phase]) -> str:
             f'double *g, long n)\n{{\n{calls}}}\n')
 
 
-def program_code(structure: Structure) -> str:
-    """Return the whole solver as one C file: layout, options, phases, parts and the driver."""
-    program, layout = program_of(structure), layout_of(structure)
-    phases = {phase.name: phase for part in program for phase in part}
-    rows = {field.name.upper(): layout.first_row(field)
-            for field in (*layout.fields(Memory.GLOBAL), fields.LEAN, fields.INNER, fields.LATER,
-                          fields.TORQUE)}
-    sizes = {f'{memory.name}_ROWS': layout.rows(memory) for memory in Memory}
-    defines = {**rows, **sizes,
-               **{name: _number(value) for name, value in options.constants().items()}}
-    here = Path(__file__).resolve().parent
+def defines(structure: Structure) -> str:
+    """Return the layout, the options and what the structure is, as preprocessor lines."""
+    layout = layout_of(structure)
+    named = [*layout.fields(Memory.GLOBAL), fields.LEAN, fields.INNER, fields.LATER, fields.POSE,
+             fields.TORQUE, *((AIM,) if cone_inequalities(structure) else ())]
+    values: dict[str, float] = {
+        **{field.name.upper(): layout.first_row(field) for field in named},
+        **{f'{memory.name}_ROWS': layout.rows(memory) for memory in Memory},
+        **options.constants(), 'PI': math.pi, 'TERMINAL_LEVEL': TERMINAL_LEVEL,
+        'POINTING': int(structure.pointing),
+        'HAS_TERMINAL_SET': int(terminal_level(structure) is not None)}
+    lines = [f'#define {name} {value if isinstance(value, int) else number(value)}'
+             for name, value in values.items()]
+    return '\n'.join([*lines, f'#define WARM_STARTS {options.warm_starts()}', ''])
+
+
+def parts_code(structure: Structure, without: tuple[str, ...] = ()) -> str:
+    """Return the phases and the functions that run the parts of a solve, but for some parts."""
+    parts = {name: part for name, part in program_of(structure)._asdict().items()
+             if name not in without}
+    phases = {phase.name: phase for part in parts.values() for phase in part}
     return '\n'.join([
-        (here / 'lanes.h').read_text(encoding='utf-8'),
-        *(f'#define {name} {value}' for name, value in defines.items()),
-        f'#define WARM_STARTS {options.warm_starts()}', '',
-        *(phase_code(phase, layout) for phase in phases.values()),
-        *(_part_code(name, part) for name, part in program._asdict().items()),
-        (here / 'driver.c').read_text(encoding='utf-8')])
+        *(phase_code(phase, layout_of(structure)) for phase in phases.values()),
+        *(_part_code(name, part) for name, part in parts.items())])
+
+
+def source(name: str) -> str:
+    """Return one of the sources beside this module."""
+    return (Path(__file__).resolve().parent / name).read_text(encoding='utf-8')
+
+
+def program_code(structure: Structure) -> str:
+    """Return the whole solver as one C file, with what Python calls."""
+    return '\n'.join([
+        source('lanes.h'), defines(structure), parts_code(structure),
+        *(source(name) for name in ('driver.c', 'search.c', 'python.c'))])

@@ -1,24 +1,15 @@
 /* Copyright 2026 The manifold_mpc_ros authors
  * SPDX-License-Identifier: Apache-2.0
  *
- * The solver's loop around the generated phases: no allocation, no callback, no global state.
+ * The local solver's loop around the generated phases: no allocation, no global state. Plain C99.
  */
-
-enum { RUNNING, CONVERGED, STALLED, OUT_OF_TIME };
 
 typedef struct {
     double *plan, *fresh, *model, *g;
     double cost, logs, mu, exact;
-    double stationarity, products, decrease, elapsed_s;
+    double stationarity, products, decrease;
     long horizon, flag, passes, total_passes;
 } solve;
-
-static double now_s(void)
-{
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
 
 static void take_fresh(solve *s)
 {
@@ -29,18 +20,18 @@ static void take_fresh(solve *s)
     s->logs = s->g[SUMS + 1];
 }
 
-long mpc_lane_count(void)
-{
-    return LANES;
-}
-
 /* What stays the same for a memory: which stages are inner and later ones. */
-void mpc_prepare(solve *s)
+static void prepare(solve *s)
 {
     for (long k = -LANES; k <= s->horizon + LANES; ++k) {
         s->model[AT(MODEL_ROWS, INNER, k)] = k < s->horizon;
         s->model[AT(MODEL_ROWS, LATER, k)] = k > 0;
     }
+}
+
+static int is_over(double deadline_s)
+{
+    return deadline_s < INFINITY && now_s() > deadline_s;
 }
 
 static void begin(solve *s)
@@ -53,9 +44,8 @@ static void begin(solve *s)
 }
 
 /* Start from the slew law, leaning for the first steps. */
-void mpc_begin_slew(solve *s, double mu, const double *lean, long lean_steps)
+static void begin_slew(solve *s, double mu, const double *lean, long lean_steps)
 {
-    double begun_s = now_s();
     s->g[BARRIER] = s->mu = mu;
     for (long k = 0; k <= s->horizon; ++k)
         for (int i = 0; i < 3; ++i)
@@ -63,28 +53,25 @@ void mpc_begin_slew(solve *s, double mu, const double *lean, long lean_steps)
     run_slew(s->plan, s->fresh, s->model, s->g, s->horizon);
     run_cold(s->plan, s->fresh, s->model, s->g, s->horizon);
     begin(s);
-    s->elapsed_s += now_s() - begun_s;
 }
 
 /* Start from the torques and multipliers of another plan, one stage ahead. */
-void mpc_begin_shift(solve *s, double mu, const double *kept)
+static void begin_shift(solve *s, double mu, const double *kept)
 {
-    double begun_s = now_s();
     s->g[BARRIER] = s->mu = mu;
     run_shift(kept, s->fresh, s->model, s->g, s->horizon);
     run_warm(kept, s->fresh, s->model, s->g, s->horizon);
     begin(s);
-    s->elapsed_s += now_s() - begun_s;
 }
 
 /* Set the state from what was measured. */
-void mpc_set_state(solve *s)
+static void set_state(solve *s)
 {
     run_set_state(s->plan, s->fresh, s->model, s->g, s->horizon);
 }
 
 /* Say what the caller wants to know of a plan. */
-void mpc_report(solve *s, const double *kept)
+static void report(solve *s, const double *kept)
 {
     run_report(kept, s->fresh, s->model, s->g, s->horizon);
 }
@@ -124,21 +111,6 @@ static void model_plan(solve *s)
     ++s->passes;
 }
 
-/* Model the trajectory with the exact Hessian, and try a step along the model's: what a test lays
- * open to hold the model against differences of trials. */
-void mpc_model(solve *s, double mu)
-{
-    s->mu = mu;
-    s->exact = 1.0;
-    model_plan(s);
-}
-
-void mpc_try_step(solve *s, double length)
-{
-    s->g[LENGTH] = length;
-    run_trial_step(s->plan, s->fresh, s->model, s->g, s->horizon);
-}
-
 static double lowered(double exact)
 {
     return exact > SMALLEST_BLEND ? BLEND_DOWN * exact : 0.0;
@@ -167,16 +139,14 @@ static void one_pass(solve *s)
 }
 
 /* Run up to `most` passes in all, until the flag says why it ended or the deadline is over. */
-void mpc_iterate(solve *s, long most, double deadline_s)
+static void iterate(solve *s, long most, double deadline_s)
 {
-    double begun_s = now_s();
     while (s->flag == RUNNING && s->passes < most) {
-        if (s->passes && now_s() > deadline_s)
+        if (s->passes && is_over(deadline_s))
             s->flag = OUT_OF_TIME;
         else
             one_pass(s);
     }
-    s->elapsed_s += now_s() - begun_s;
 }
 
 static int is_converged(const solve *s)
@@ -192,69 +162,18 @@ static int is_far(const solve *s)
 }
 
 /* Improve a plan, one stage ahead; return whether that gave a plan to use. */
-long mpc_improve(solve *s, const double *kept, double deadline_s)
+static int improve(solve *s, const double *kept, double deadline_s)
 {
     static const struct { double mu; long most; } starts[] = {WARM_STARTS};
     s->total_passes = 0;
     for (size_t i = 0; i < sizeof starts / sizeof *starts; ++i) {
-        mpc_begin_shift(s, starts[i].mu, kept);
-        mpc_iterate(s, 1, deadline_s);
+        begin_shift(s, starts[i].mu, kept);
+        iterate(s, 1, deadline_s);
         if (i > 0 || !is_far(s))
-            mpc_iterate(s, starts[i].most, deadline_s);
+            iterate(s, starts[i].most, deadline_s);
         s->total_passes += s->passes;
         if (is_converged(s) || s->flag == OUT_OF_TIME)
             return 1;
     }
     return 0;
-}
-
-typedef struct {
-    double near_rad, violation, value_slack, least_value;
-    double value_bound;
-    double *states, *torques, *costs;
-    long *passes;
-    long ticks;
-} course;
-
-static int keeps_value_bound(const solve *s, const course *c)
-{
-    double slack = c->value_slack * fmax(fabs(c->value_bound), c->least_value);
-    return s->cost <= c->value_bound + slack;
-}
-
-static void record(const solve *s, course *c, long tick)
-{
-    c->costs[tick] = s->cost - s->g[PENALTIES];
-    c->passes[tick] = s->total_passes;
-    for (int i = 0; i < 3; ++i)
-        c->torques[3 * tick + i] = s->g[APPLIED + i] = s->plan[AT(TRAJECTORY_ROWS, TORQUE + i, 0)];
-    memcpy(c->states + 12 * tick, s->g + MEASURED, 9 * sizeof(double));
-    memcpy(c->states + 12 * tick + 9, s->g + MEASURED + 18, 3 * sizeof(double));
-    c->value_bound = s->cost - s->g[FIRST_COST];
-}
-
-/* Apply the first torque of a plan to the body: the next measured state. */
-void mpc_advance(solve *s)
-{
-    run_plant(s->plan, s->fresh, s->model, s->g, s->horizon);
-}
-
-/* Close the loop from tick `first` on while every warm start gives a plan within the value bound
- * of the one before; return the first tick that needs more than that. */
-long mpc_follow(solve *s, double *kept, course *c, long first)
-{
-    size_t size = BLOCK(TRAJECTORY_ROWS, 0, s->horizon + LANES) * sizeof(double);
-    for (long tick = first; tick < c->ticks; ++tick) {
-        mpc_set_state(s);
-        if (!mpc_improve(s, kept, INFINITY))
-            return tick;
-        mpc_report(s, s->plan);
-        if (s->g[MISSED] > c->violation || s->g[VIOLATION] > c->violation
-            || !(s->g[STATE_REPORT + 2] < c->near_rad || keeps_value_bound(s, c)))
-            return tick;
-        memcpy(kept, s->plan, size);
-        record(s, c, tick);
-        mpc_advance(s);
-    }
-    return c->ticks;
 }

@@ -1,8 +1,8 @@
 /* Copyright 2026 The manifold_mpc_ros authors
  * SPDX-License-Identifier: Apache-2.0
  *
- * Vector lanes and the memory layout of the generated phases. Comparisons give 1.0 or 0.0, as
- * CasADi's instructions do.
+ * Vector lanes and the memory layout of the generated phases, with the extensions of GCC and
+ * Clang; one_lane.h is the same in plain C99.
  */
 #include <math.h>
 #include <stdint.h>
@@ -24,6 +24,14 @@ typedef int64_t mask __attribute__((vector_size(8 * LANES)));
 #define BLOCK(rows, row, k) (((k) / LANES + 1) * (rows) * LANES + (row) * LANES)
 #define AT(rows, row, k) ((((k) + LANES) / LANES) * (rows) * LANES + (row) * LANES \
                           + ((k) + LANES) % LANES)
+
+/* Seconds of the clock that deadlines are given by, time.monotonic in Python. */
+static double now_s(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
 
 static inline lanes splat(double value)
 {

@@ -74,9 +74,10 @@ LEAN = Field('lean', 3, _MODEL)            # of a slew's first steps
 START = Field('start', 7, _GLOBAL)         # measured attitude and momentum
 CHAIN = Field('chain', 7, _GLOBAL)         # the same of the stage that a roll-out has reached
 # What a caller measured: R_NB and R_ND row by row, the dimensionless rate; and what follows from
-# it (local_solver.StateReport).
+# it (reports.StateReport).
 MEASURED = Field('measured', 21, _GLOBAL)
-STATE_REPORT = Field('state_report', 6, _GLOBAL)
+FORESEEN = Field('foreseen', 18, _GLOBAL)  # the last R_ND, and what was to follow it
+STATE_REPORT = Field('state_report', 7, _GLOBAL)
 # A body that the loop is closed with: inertia, column by column, disturbance torque and the torque
 # that is applied, dimensionless.
 BODY = Field('body', 12, _GLOBAL)
@@ -87,6 +88,7 @@ APPLIED = Field('applied', 3, _GLOBAL)
 FIRST_COST = Field('first_cost', 1, _GLOBAL)
 FIRST_LEVEL, LAST_LEVEL = Field('first_level', 1, _GLOBAL), Field('last_level', 1, _GLOBAL)
 PENALTIES = Field('penalties', 1, _GLOBAL)
-VIOLATION = Field('violation', 1, _GLOBAL)
+LARGEST_VIOLATION = Field('largest_violation', 1, _GLOBAL)
 MISSED = Field('missed', 1, _GLOBAL)
+LEAST_CONE_SLACK = Field('least_cone_slack', 1, _GLOBAL)  # at nodes k >= 1
 POSE = Field('pose', 12, _MODEL)

@@ -1,8 +1,10 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The numbers that decide about a pass."""
+"""The numbers that decide about a pass, about the search, and about keeping a plan."""
 
 from __future__ import annotations
+
+import math
 
 # Fraction of the way to a bound that one step may go.
 BOUNDARY = 0.995
@@ -43,12 +45,52 @@ WARM_STARTS = ((1e-6, 30), (1e-3, 50), (1e-1, 200))
 
 RUNNING, CONVERGED, STALLED, OUT_OF_TIME = range(4)
 
+# The search. Barrier parameter of a cold start (dimensionless, against a cost of order 10).
+COLD_BARRIER = 1.0
+# Passes of a start at most. Every start but the first ends after HOPELESS_PASSES when its cost is
+# still above HOPELESS times the best: winners are near it by then (benchmarks/bodies.py).
+MOST_PASSES = 200
+HOPELESS_PASSES = 25
+HOPELESS = 2.0
+# A leaning start holds its octant for this part of the bang-bang slew, and no fewer steps.
+LEAN_PART = 0.25
+LEAN_STEPS = 5
+# The long way round can win when the angle left to turn and to stop is above this [rad].
+LONG_WAY_RAD = math.radians(130.0)
+# A pointing turn leans above this.
+POINTING_RAD = math.radians(100.0)
+# Any other leans above this when its slew is all but one torque component, or takes many steps.
+LEAN_RAD = math.radians(80.0)
+ALONE = 0.1
+MANY_STEPS = 25.0
+# Plans whose costs agree to this are equal; the rule then decides.
+TIE = 1e-7
+
+# A matrix farther than this from SO(3) is no rotation.
+ROTATION_DEFECT = 1e-6
+# A commanded attitude that moved by more than this [rad] forgets the warm start.
+SETPOINT_MOVED_RAD = 1e-3
+# The shifted plan itself: so near its limits that its cost is what it would be on them.
+SHIFTED_BARRIER = 1e-12
+# A relative violation of a state limit above this makes a plan infeasible.
+VIOLATION = 1e-6
+# The warm plan is kept while its value is at most the bound that follows from the last plan, plus
+# this part of it, and always when less than this angle [rad] is left to turn: no other side can
+# win there.
+VALUE_SLACK = 1e-2
+LEAST_VALUE = 1e-3
+SEARCH_ANGLE_RAD = math.pi / 2
+# ... or, where a cone holds the plan back, than this. It does with a slack below TOUCHED.
+CONE_ANGLE_RAD = 0.2
+TOUCHED = 1e-4
+# A level that no state exceeds: the terminal set is then not there.
+NO_LEVEL = 1e12
+
 
 def constants() -> dict[str, float]:
-    """Return the numbers by name, for the C driver."""
-    names = [name for name, value in globals().items()
-             if name.isupper() and isinstance(value, float)]
-    return {name: globals()[name] for name in names}
+    """Return the numbers by name, for the C sources."""
+    return {name: value for name, value in globals().items()
+            if name.isupper() and isinstance(value, (int, float))}
 
 
 def warm_starts() -> str:

@@ -31,8 +31,8 @@ class Program(NamedTuple):
 
     ``set_state`` sets the state; ``slew`` or ``shift`` roll a start out; ``cold`` or ``warm`` put
     its barrier variables where the solve begins; ``backward`` models a trajectory, ``trial_step``
-    makes the next one; ``report`` says what the caller of a solve wants to know; ``plant`` moves a
-    body on by one step.
+    makes the next one; ``report`` and ``poses`` say what the caller of a solve wants to know;
+    ``plant`` moves a body on by one step.
     """
 
     set_state: tuple[Phase, ...]
@@ -43,6 +43,7 @@ class Program(NamedTuple):
     backward: tuple[Phase, ...]
     trial_step: tuple[Phase, ...]
     report: tuple[Phase, ...]
+    poses: tuple[Phase, ...]
     plant: tuple[Phase, ...]
 
 
@@ -72,5 +73,5 @@ def program_of(structure: Structure) -> Program:
         trial_step=(line_search.turn_phase(s), line_search.chain_phase(s),
                     line_search.node_phase(s), line_search.stage_phase(s),
                     line_search.terminal_phase(s), gather),
-        report=plan_report.report_phases(s),
+        report=plan_report.report_phases(s), poses=(plan_report.pose_phase(),),
         plant=(plant.plant_phase(s),))

@@ -27,7 +27,7 @@ def _defect(rotation: ca.SX) -> ca.SX:
 
 def _hardness(structure: Structure, v: ca.SX, omega: ca.SX, p: Parameters, read: Read
               ) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Return braking angle, second torque and weakness (see `local_solver.StateReport`)."""
+    """Return braking angle, second torque and weakness (see `reports.StateReport`)."""
     max_torque = torque_box(structure, read)
     if max_torque is None:
         return ca.SX(0), ca.SX(1), ca.SX(1)
@@ -44,23 +44,31 @@ def set_state_phase(structure: Structure) -> Phase:
     """Map (R_NB, R_ND, omega) to the start (q, J omega) and to its state report.
 
     q is the unit quaternion of ``R_DB = R_ND^T R_NB`` with w >= 0, omega the dimensionless body
-    rate. The report is `local_solver.StateReport`: ``max |R^T R - I|`` of both rotations, 2 for a
-    reflection, and how hard the turn is; refusing is the caller's (`AttitudeMpc.solve`).
+    rate. The report is `reports.StateReport`: ``max |R^T R - I|`` of both rotations, 2 for a
+    reflection, how hard the turn is, and by how much R_ND moved otherwise than foreseen.
     """
+    def angle_of(q: ca.SX, p: Parameters) -> ca.SX:
+        """Return the angle left to turn."""
+        v = q[1:4]
+        if not structure.pointing:
+            return 2 * ca.atan2(ca.sqrt(ca.dot(v, v)), q[0])
+        gamma, axis = rotation_from_quaternion(q).T @ p.pointing_axis, p.pointing_axis
+        across = ca.cross(gamma, axis)
+        return ca.atan2(ca.sqrt(ca.dot(across, across)), ca.dot(gamma, axis))
+
     def expression(read: Read) -> dict[Field, ca.SX]:
         p, measured = unpack(read(f.PARAMETER)), read(f.MEASURED)
         attitude, target = row_by_row(measured[0:9]), row_by_row(measured[9:18])
         momentum = p.inertia @ measured[18:21]
         q = quaternion_from_rotation(target.T @ attitude)
-        v = q[1:4]
-        angle = 2 * ca.atan2(ca.sqrt(ca.dot(v, v)), q[0])
-        if structure.pointing:
-            gamma, axis = rotation_from_quaternion(q).T @ p.pointing_axis, p.pointing_axis
-            across = ca.cross(gamma, axis)
-            angle = ca.atan2(ca.sqrt(ca.dot(across, across)), ca.dot(gamma, axis))
+        last, following = (row_by_row(each) for each in ca.vertsplit(read(f.FORESEEN), 9))
+        moved = ca.fmin(*(angle_of(quaternion_from_rotation(target.T @ each), p)
+                          for each in (last, following)))
+        foreseen = angle_of(quaternion_from_rotation(last.T @ following), p)
         return {f.START: ca.vertcat(q, momentum),
                 f.STATE_REPORT: ca.vertcat(ca.fmax(_defect(attitude), _defect(target)),
-                                      ca.dot(momentum, momentum), angle,
-                                      *_hardness(structure, v, measured[18:21], p, read))}
+                                      ca.dot(momentum, momentum), angle_of(q, p),
+                                      *_hardness(structure, q[1:4], measured[18:21], p, read),
+                                      moved - foreseen)}
 
     return phase('set_state', expression, only=1)

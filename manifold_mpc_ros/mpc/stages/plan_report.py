@@ -11,8 +11,12 @@ from manifold_mpc_ros.mpc.program import fields as f
 from manifold_mpc_ros.mpc.program.phase import Field, Order, Phase, Read, Structure, phase
 from manifold_mpc_ros.mpc.scaling import unpack
 from manifold_mpc_ros.mpc.stages import merit
-from manifold_mpc_ros.mpc.stages.barrier import most
-from manifold_mpc_ros.mpc.stages.inequalities import node_inequalities, terminal_level
+from manifold_mpc_ros.mpc.stages.barrier import least, most
+from manifold_mpc_ros.mpc.stages.inequalities import (
+    cone_inequalities,
+    node_inequalities,
+    terminal_level,
+)
 from manifold_mpc_ros.mpc.stages.initial_state import row_by_row
 from manifold_mpc_ros.mpc.stages.reference import errors, excess_torque
 from manifold_mpc_ros.mpc.stages.terminal import form_of
@@ -20,8 +24,7 @@ from manifold_mpc_ros.mpc.stages.terminal import form_of
 
 def report_phases(structure: Structure) -> tuple[Phase, ...]:
     """Return the phases that describe a plan."""
-    return (_first_phase(structure), *_violation_phases(structure), _last_phase(structure),
-            _pose_phase())
+    return _first_phase(structure), *_violation_phases(structure), _last_phase(structure)
 
 
 def _level(structure: Structure, read: Read) -> ca.SX:
@@ -38,7 +41,7 @@ def _first_phase(structure: Structure) -> Phase:
         cost = merit.state_cost(*errors(structure, read, read(f.ATTITUDE), read(f.FREE)), p)
         effort = merit.torque_cost(excess_torque(structure, read, read(f.TORQUE)), p)
         return {f.FIRST_COST: cost + effort,
-                f.FIRST_LEVEL: _level(structure, read),
+                f.FIRST_LEVEL: _level(structure, read), f.LEAST_CONE_SLACK: ca.SX(1e30),
                 **{each.excess: ca.SX.zeros(2) for each in node_inequalities(structure)}}
 
     return phase('report_first', expression, only=1)
@@ -52,6 +55,9 @@ def _violation_phases(structure: Structure) -> tuple[Phase, ...]:
             excess, t = read(each.excess), read(each.elastic, 1)
             writes[each.excess] = ca.vertcat(
                 excess[0] + ca.sum1(t), ca.fmax(excess[1], most(t)))
+        if cones := cone_inequalities(structure):
+            slacks = ca.vertcat(*(read(each.slack, 1) for each in cones))
+            writes[f.LEAST_CONE_SLACK] = ca.fmin(read(f.LEAST_CONE_SLACK), least(slacks))
         return writes
 
     if not node_inequalities(structure):
@@ -69,12 +75,12 @@ def _last_phase(structure: Structure) -> Phase:
             penalties += limit.penalty * missed
         violations = [read(each.excess)[1] for each in nodes]
         return {f.LAST_LEVEL: _level(structure, read), f.MISSED: missed, f.PENALTIES: penalties,
-                f.VIOLATION: most(ca.vertcat(*violations)) if violations else ca.SX(0)}
+                f.LARGEST_VIOLATION: most(ca.vertcat(*violations)) if violations else ca.SX(0)}
 
     return phase('report_last', expression, beyond=1, last=1)
 
 
-def _pose_phase() -> Phase:
+def pose_phase() -> Phase:
     """Attitude R_NB, row by row, and dimensionless rate of every node."""
     def expression(read: Read) -> dict[Field, ca.SX]:
         p = unpack(read(f.PARAMETER))

@@ -1,0 +1,137 @@
+/* Copyright 2026 The manifold_mpc_ros authors
+ * SPDX-License-Identifier: Apache-2.0
+ *
+ * What Python calls: answers, closed loops on the model, and the parts of a solve one by one.
+ */
+
+long mpc_lane_count(void)
+{
+    return LANES;
+}
+
+void mpc_prepare(controller *c)
+{
+    prepare(&c->s);
+}
+
+void mpc_answer(controller *c, double deadline_s, long local)
+{
+    c->deadline_s = deadline_s;
+    answer_state(c, (int)local);
+}
+
+/* Set the state; its rate is dimensionless. */
+long mpc_set_state(controller *c)
+{
+    return measure(c);
+}
+
+double mpc_slew_steps(controller *c)
+{
+    return slew_steps(c);
+}
+
+void mpc_use_set(controller *c, long with)
+{
+    use_set(c, (int)with);
+}
+
+void mpc_begin_start(controller *c, const double *from, double steps)
+{
+    begin_start(&c->s, from, steps);
+}
+
+void mpc_begin_slew(controller *c, double mu)
+{
+    static const double none[3] = {0.0, 0.0, 0.0};
+    begin_slew(&c->s, mu, none, 0);
+}
+
+void mpc_begin_way(controller *c, const double *aims)
+{
+    begin_way(&c->s, aims);
+}
+
+void mpc_iterate(controller *c, long most, double deadline_s)
+{
+    iterate(&c->s, most, deadline_s);
+}
+
+/* Report on the trajectory under way, poses included. */
+void mpc_report(controller *c)
+{
+    double level = c->s.g[PARAMETER + TERMINAL_LEVEL];
+    use_set(c, 1);
+    report(&c->s, c->s.plan);
+    run_poses(c->s.plan, c->s.fresh, c->s.model, c->s.g, c->s.horizon);
+    c->s.g[PARAMETER + TERMINAL_LEVEL] = level;
+    c->reported = NULL;
+}
+
+/* Model the trajectory with the exact Hessian, and try a step along the model's: what a test lays
+ * open to hold the model against differences of trials. */
+void mpc_model(controller *c, double mu)
+{
+    c->s.mu = mu;
+    c->s.exact = 1.0;
+    model_plan(&c->s);
+}
+
+void mpc_try_step(controller *c, double length)
+{
+    c->s.g[LENGTH] = length;
+    run_trial_step(c->s.plan, c->s.fresh, c->s.model, c->s.g, c->s.horizon);
+}
+
+/* Apply a torque, g[APPLIED], to the body: the next measured state. */
+void mpc_advance(controller *c)
+{
+    run_plant(c->s.plan, c->s.fresh, c->s.model, c->s.g, c->s.horizon);
+}
+
+/* Ticks of a closed loop: states (T, 12), torques (T, 3), costs and passes (T,). */
+typedef struct {
+    double *states, *torques, *costs;
+    long *passes;
+    long ticks;
+} loop_record;
+
+static void record(const controller *c, loop_record *r, long tick)
+{
+    const solve *s = &c->s;
+    r->costs[tick] = s->cost - s->g[PENALTIES];
+    r->passes[tick] = s->total_passes;
+    for (int i = 0; i < 3; ++i)
+        r->torques[3 * tick + i] = s->g[APPLIED + i] = s->plan[AT(TRAJECTORY_ROWS, TORQUE + i, 0)];
+    memcpy(r->states + 12 * tick, s->g + MEASURED, 9 * sizeof(double));
+    memcpy(r->states + 12 * tick + 9, s->g + MEASURED + 18, 3 * sizeof(double));
+}
+
+/* Close the loop from tick `first` on while every warm start gives a plan within the value bound
+ * of the one before; return the first tick that needs more than that. */
+long mpc_follow(controller *c, loop_record *r, long first)
+{
+#ifdef AIM
+    const double near_rad = CONE_ANGLE_RAD;
+#else
+    const double near_rad = SEARCH_ANGLE_RAD;
+#endif
+    solve *s = &c->s;
+    use_set(c, 1);
+    c->reported = NULL;
+    for (long tick = first; tick < r->ticks && c->inside && c->warm; ++tick) {
+        set_state(s);
+        if (!improve(s, c->kept.memory, INFINITY))
+            return tick;
+        report(s, s->plan);
+        if (s->g[MISSED] > VIOLATION || s->g[LARGEST_VIOLATION] > VIOLATION
+            || !(s->g[STATE_REPORT + 2] < near_rad || keeps_value_bound(c, s->cost)))
+            return tick;
+        record(c, r, tick);
+        keep(c, &c->kept);
+        c->value_bound = s->cost - s->g[FIRST_COST];
+        c->violating = 0;
+        mpc_advance(c);
+    }
+    return c->inside && c->warm ? r->ticks : first;
+}

@@ -1,0 +1,450 @@
+/* Copyright 2026 The manifold_mpc_ros authors
+ * SPDX-License-Identifier: Apache-2.0
+ *
+ * The controller around the local solver, from a measured state to a plan: warm start, global
+ * search, the problem without the terminal set, status. Plain C99, no allocation.
+ */
+
+enum { STATUS_CONVERGED, STATUS_FEASIBLE, STATUS_INFEASIBLE, STATUS_FAILED };
+
+/* A start of the search: signs or axis of a lean (x, y, z), and whether it goes the long way. */
+typedef double start[4];
+
+/* A plan that was kept, and how far its solve was. */
+typedef struct {
+    double *memory;
+    double cost, residual;
+    long flag;
+} plan;
+
+typedef struct controller {
+    solve s;
+    plan kept, best, other;     /* of the last tick; of this one; while that is compared */
+    const start *starts;
+    double *answer;             /* STATUS .. LOCAL_S, torques (N, 3), R_NB (N + 1, 9), rates (N + 1, 3) */
+    const double *reported;     /* the plan that the report in g is of */
+    /* Writes aims (count, N + 1, 4) of ways round cones; whether one holds the best plan. */
+    long (*ways)(long held);
+    double *aims;
+    double time_s, torque_n_m, rate_rad_s, cost;    /* units */
+    double step_s, quickest, guard_squared, level;
+    double disturbance_n_m[3];
+    double value_bound, deadline_s, local_s;
+    /* allowed: the terminal set exists. warm: there is a plan to begin from. inside: the last plan
+     * ended in the set. violating: it violated a limit. */
+    long start_count, allowed, warm, inside, violating, passes, searched;
+} controller;
+
+enum { STATUS, PASSES, SEARCHED, COST, RESIDUAL, WORST, PROMISED, RATIO, LOCAL_S, TORQUES };
+
+static void use_set(controller *c, int with)
+{
+    c->s.g[PARAMETER + TERMINAL_LEVEL] = with ? c->level : NO_LEVEL / c->cost;
+}
+
+/* Keep the trajectory under way; the solver goes on in the memory of what was kept before. */
+static void keep(controller *c, plan *to)
+{
+    solve *s = &c->s;
+    double *freed = to->memory;
+    to->memory = s->plan;
+    s->plan = freed;
+    to->cost = s->cost;
+    to->residual = s->products > s->stationarity ? s->products : s->stationarity;
+    to->flag = s->flag;
+}
+
+static void swap(plan *a, plan *b)
+{
+    plan held = *a;
+    *a = *b;
+    *b = held;
+}
+
+static void report_on(controller *c, const plan *p)
+{
+    if (c->reported == p->memory)
+        return;
+    use_set(c, 1);
+    report(&c->s, p->memory);
+    c->reported = p->memory;
+}
+
+/* By how much, relative to its level, a plan misses the terminal set. */
+static double missed(controller *c, const plan *p)
+{
+    report_on(c, p);
+    return HAS_TERMINAL_SET ? fmax(0.0, c->s.g[LAST_LEVEL] - 1.0) : 0.0;
+}
+
+static int reaches_set(controller *c, const plan *p)
+{
+    return c->allowed && missed(c, p) <= VIOLATION;
+}
+
+/* How many steps a bang-bang slew takes, by torque limits alone: 2 sqrt(angle / acceleration). */
+static double slew_steps(const controller *c)
+{
+    const double *state = c->s.g + STATE_REPORT;
+    if (!(c->quickest > 0.0))
+        return 0.0;
+    return 2.0 * sqrt((state[2] + state[3]) * state[5] / c->quickest) / c->step_s;
+}
+
+static int leans(const double *from)
+{
+    return from[0] != 0.0 || from[1] != 0.0 || from[2] != 0.0;
+}
+
+/* Whether a start can lead to the best plan from a state. The short way always can; the long way
+ * when enough is left to turn. Out of the plane it is better where the slew's own torque is nearly
+ * a single component, so that the other two can help, the more so the weaker that component is
+ * against what they can do; anywhere beside the half turn for a body that is much quicker about
+ * another axis; and in any long turn whose slew is all but one component, or takes so many steps
+ * that the plan can shape it. Found by comparison with all starts (docs/solver.md), not proved. */
+static int is_due(const controller *c, const double *from, double steps)
+{
+    const double *state = c->s.g + STATE_REPORT;
+    double turn = state[2] + state[3], second = state[4], weakness = state[5];
+    if (!leans(from))
+        return from[3] == 0.0 || turn > LONG_WAY_RAD;
+    if (POINTING)
+        return turn > POINTING_RAD;
+    double beside = PI - turn;
+    return (second < 0.25 && beside < 0.05 + 0.17 * (weakness - 1.0))
+        || (turn > LEAN_RAD && (second < ALONE || steps > MANY_STEPS))
+        || (beside < 0.035 && weakness > 2.0);
+}
+
+static void flip(solve *s)
+{
+    for (int i = 0; i < 4; ++i)
+        s->g[START + i] *= -1.0;
+}
+
+/* Begin a cold start of a slew of so many steps. */
+static void begin_start(solve *s, const double *from, double steps)
+{
+    double held = fmax((double)LEAN_STEPS, rint(LEAN_PART * steps));
+    double most = fmax(1.0, fmin(held, (double)(s->horizon / 2)));
+    if (from[3] != 0.0)
+        flip(s);
+    begin_slew(s, COLD_BARRIER, from, (long)most);
+    if (from[3] != 0.0)
+        flip(s);
+}
+
+/* Begin a start that aims at attitudes (N + 1, 4) one after another. */
+static void begin_way(solve *s, const double *aims)
+{
+#ifdef AIM
+    static const double straight[4] = {1.0, 0.0, 0.0, 0.0}, none[3] = {0.0, 0.0, 0.0};
+    for (int after = 0; after < 2; ++after) {
+        for (long k = 0; k <= s->horizon; ++k)
+            for (int i = 0; i < 4; ++i)
+                s->model[AT(MODEL_ROWS, AIM + i, k)] = after ? straight[i] : aims[4 * k + i];
+        if (!after)
+            begin_slew(s, COLD_BARRIER, none, 0);
+    }
+#else
+    (void)s;
+    (void)aims;
+#endif
+}
+
+/* The first torque of a plan, rounded to 1e-6 of its largest component. */
+static void rounded(const double *memory, double torque[3])
+{
+    double largest = 1e-12;
+    for (int i = 0; i < 3; ++i) {
+        torque[i] = memory[AT(TRAJECTORY_ROWS, TORQUE + i, 0)];
+        largest = fmax(largest, fabs(torque[i]));
+    }
+    for (int i = 0; i < 3; ++i)
+        torque[i] = rint(torque[i] / largest * 1e6) / 1e6;
+}
+
+/* Whether the trajectory under way comes before a plan that costs the same: by the order of the
+ * rounded first torques. At 180 degrees both sides cost the same, and this picks the same one
+ * whatever the noise in the attitude's sign. */
+static int goes_before(const solve *s, const plan *other)
+{
+    double mine[3], its[3];
+    rounded(s->plan, mine);
+    rounded(other->memory, its);
+    for (int i = 0; i < 3; ++i)
+        if (mine[i] != its[i])
+            return mine[i] < its[i];
+    return 0;
+}
+
+/* Run a start to its end, or until it cannot win against the least cost. Return whether it gave
+ * a plan. */
+static int run_start(controller *c, double least)
+{
+    solve *s = &c->s;
+    if (least < INFINITY)
+        iterate(s, HOPELESS_PASSES, c->deadline_s);
+    if (!(least < INFINITY) || s->cost <= HOPELESS * least)
+        iterate(s, MOST_PASSES, c->deadline_s);
+    c->passes += s->passes;
+    return s->passes > 0 && fabs(s->cost) < INFINITY;
+}
+
+/* Take the trajectory under way where it is better; return the least cost. */
+static double take_better(controller *c, plan *best, double least)
+{
+    double cost = c->s.cost, lowest = fmin(least, cost);
+    double limit = lowest + TIE * fmax(fabs(lowest), 1.0);
+    if (!(least < INFINITY) || (cost <= limit && (best->cost > limit || goes_before(&c->s, best))))
+        keep(c, best);
+    return lowest;
+}
+
+/* Find the best of starts that are due (of all, patiently: none ends for its cost) and a plan that
+ * may be known; return whether there is one. After the deadline no further start begins. */
+static int search_starts(controller *c, plan *best, double steps, int patient)
+{
+    double least = INFINITY, begun_s = now_s();
+    for (long i = 0; i < c->start_count; ++i) {
+        if (!patient && !is_due(c, c->starts[i], steps))
+            continue;
+        if (least < INFINITY && is_over(c->deadline_s))
+            break;
+        begin_start(&c->s, c->starts[i], steps);
+        if (run_start(c, patient ? INFINITY : least))
+            least = take_better(c, best, least);
+    }
+    c->local_s += now_s() - begun_s;
+    return least < INFINITY;
+}
+
+static int touches_cone(controller *c, const plan *p)
+{
+    report_on(c, p);
+    return c->s.g[LEAST_CONE_SLACK] < TOUCHED;
+}
+
+/* The same over ways round cones, if one touches the best plan or is in the straight way. */
+static int search_ways(controller *c, int found, int with_set)
+{
+    if (!c->ways)
+        return found;
+    double least = found ? c->best.cost : INFINITY;
+    long count = c->ways(!found || touches_cone(c, &c->best));
+    double begun_s = now_s();
+    use_set(c, with_set);
+    for (long i = 0; i < count; ++i) {
+        if (least < INFINITY && is_over(c->deadline_s))
+            break;
+        begin_way(&c->s, c->aims + i * 4 * (c->s.horizon + 1));
+        if (run_start(c, least))
+            least = take_better(c, &c->best, least);
+    }
+    c->local_s += now_s() - begun_s;
+    c->reported = NULL;
+    return least < INFINITY;
+}
+
+/* Find the best of the global search and the shifted plan. */
+static int search(controller *c, int with_set)
+{
+    c->searched = 1;
+    c->reported = NULL;
+    use_set(c, with_set);
+    int found = search_ways(c, search_starts(c, &c->best, slew_steps(c), 0), with_set);
+    if (found && c->warm) {
+        use_set(c, with_set);
+        begin_shift(&c->s, SHIFTED_BARRIER, c->kept.memory);
+        if (c->s.cost < c->best.cost) {
+            keep(c, &c->best);
+            c->reported = NULL;
+        }
+    }
+    return found;
+}
+
+/* Improve a plan, one stage ahead; return whether that gave a plan, then in `to`. */
+static int improve_into(controller *c, plan *to, const plan *from, int with_set)
+{
+    c->reported = NULL;
+    use_set(c, with_set);
+    double begun_s = now_s();
+    int usable = improve(&c->s, from->memory, c->deadline_s);
+    c->local_s += now_s() - begun_s;
+    c->passes += c->s.total_passes;
+    if (usable)
+        keep(c, to);
+    return usable;
+}
+
+/* Find a plan into the terminal set near the best one, which misses it, else near any start. */
+static int bend(controller *c, double steps)
+{
+    for (long k = c->s.horizon; k >= 0; --k)    /* one stage later: shifted, it begins with it */
+        for (int row = 0; row < TRAJECTORY_ROWS; ++row)
+            c->other.memory[AT(TRAJECTORY_ROWS, row, k + 1)] =
+                c->best.memory[AT(TRAJECTORY_ROWS, row, k)];
+    int found = improve_into(c, &c->other, &c->other, 1) && reaches_set(c, &c->other);
+    if (!found) {
+        c->reported = NULL;
+        use_set(c, 1);
+        found = search_starts(c, &c->other, steps, 1) && reaches_set(c, &c->other);
+    }
+    if (found)
+        swap(&c->best, &c->other);
+    return found;
+}
+
+/* Find the best plan that ends in the terminal set, else the best without it. Where a slew takes
+ * many steps the set stops most starts on their way to it, so the search goes without it first: a
+ * plan that ends in it is as good with it, and one that does not leads to one that does. */
+static int search_both(controller *c)
+{
+    double steps = slew_steps(c);
+    c->inside = c->allowed;
+    if (!c->inside)
+        return search(c, 0);
+    if (!HAS_TERMINAL_SET || steps <= MANY_STEPS) {
+        int found = search(c, 1);
+        if (!HAS_TERMINAL_SET || (found && reaches_set(c, &c->best)))
+            return found;
+    }
+    int found = search(c, 0);
+    if (!found || reaches_set(c, &c->best))
+        return found;
+    c->inside = !is_over(c->deadline_s) && bend(c, steps);
+    return 1;
+}
+
+static int keeps_value_bound(const controller *c, double cost)
+{
+    return cost <= c->value_bound + VALUE_SLACK * fmax(fabs(c->value_bound), LEAST_VALUE);
+}
+
+/* Whether an improved plan needs no search, as no other side could win. */
+static int stands(controller *c, const plan *p)
+{
+    double near_rad = SEARCH_ANGLE_RAD;
+    if (touches_cone(c, p)) {
+        near_rad = CONE_ANGLE_RAD;
+        if (!c->violating && c->s.g[LARGEST_VIOLATION] > VIOLATION)
+            return 0;
+    }
+    return c->s.g[STATE_REPORT + 2] < near_rad || keeps_value_bound(c, p->cost);
+}
+
+/* Find the best plan: with the terminal set; when that cannot be reached, without it. From outside
+ * D_N the set is tried again at every tick, from the shifted plan only. */
+static int find(controller *c)
+{
+    int was_inside = (int)c->inside;
+    if (c->warm && c->allowed && improve_into(c, &c->best, &c->kept, 1)
+        && reaches_set(c, &c->best) && (!was_inside || stands(c, &c->best))) {
+        c->inside = 1;
+        return 1;
+    }
+    if (!c->warm || (was_inside && c->allowed)) {
+        int found = search_both(c);
+        if (c->inside || !c->warm)
+            return found;
+    }
+    int found = improve_into(c, &c->best, &c->kept, !HAS_TERMINAL_SET)
+        && stands(c, &c->best);
+    if (!found)
+        found = search(c, !HAS_TERMINAL_SET);
+    c->inside = found && reaches_set(c, &c->best);
+    return found;
+}
+
+/* Find the plan of one cold start, the short way. */
+static int find_locally(controller *c)
+{
+    static const start short_way = {0.0, 0.0, 0.0, 0.0};
+    c->inside = 1;
+    c->reported = NULL;
+    double begun_s = now_s();
+    begin_start(&c->s, short_way, 0.0);
+    int found = run_start(c, INFINITY);
+    c->local_s += now_s() - begun_s;
+    if (found)
+        keep(c, &c->best);
+    return found;
+}
+
+/* Set the state from what was measured, g[MEASURED]; return whether it can be predicted from. */
+static int measure(controller *c)
+{
+    double *g = c->s.g, sum = 0.0;
+    for (int i = 0; i < 21; ++i)
+        sum += g[MEASURED + i];
+    if (!(fabs(sum) < INFINITY))
+        return 0;
+    use_set(c, 1);
+    set_state(&c->s);
+    return g[STATE_REPORT] <= ROTATION_DEFECT && g[STATE_REPORT + 1] < c->guard_squared;
+}
+
+/* Make the best plan the next tick's start, and the answer in SI units. */
+static void answer_with_best(controller *c)
+{
+    const double *g = c->s.g;
+    double *answer = c->answer;
+    long n = c->s.horizon;
+    double beyond = missed(c, &c->best), violation = fmax(g[LARGEST_VIOLATION], beyond);
+    double cost = c->best.cost - g[PENALTIES];
+    swap(&c->best, &c->kept);
+    c->warm = 1;
+    c->value_bound = c->kept.cost - g[FIRST_COST];
+    c->violating = g[LARGEST_VIOLATION] > VIOLATION;
+    answer[COST] = cost * c->cost;
+    answer[RESIDUAL] = c->kept.residual;
+    answer[WORST] = violation;
+    answer[PROMISED] = (cost - g[FIRST_COST]) * c->cost;
+    answer[RATIO] = g[FIRST_LEVEL];
+    answer[STATUS] = violation > VIOLATION || !c->inside ? STATUS_INFEASIBLE
+        : c->kept.flag == CONVERGED
+            || (c->kept.flag == STALLED && c->kept.residual < ACCEPTABLE_RESIDUAL)
+        ? STATUS_CONVERGED : STATUS_FEASIBLE;
+    run_poses(c->kept.memory, c->s.fresh, c->s.model, c->s.g, n);
+    double *to = answer + TORQUES;
+    for (long k = 0; k < n; ++k) {
+        const double *torque = c->kept.memory + AT(TRAJECTORY_ROWS, TORQUE, k);
+        for (int i = 0; i < 3; ++i)
+            *to++ = torque[i * LANES] * c->torque_n_m - c->disturbance_n_m[i];
+    }
+    for (long k = 0; k <= n; ++k) {
+        const double *pose = c->s.model + AT(MODEL_ROWS, POSE, k);
+        for (int i = 0; i < 9; ++i)
+            to[9 * k + i] = pose[i * LANES];
+        for (int i = 0; i < 3; ++i)
+            to[9 * (n + 1) + 3 * k + i] = pose[(9 + i) * LANES] * c->rate_rad_s;
+    }
+}
+
+/* Answer a measured state, g[MEASURED], whose rate is in rad/s. `local`: by one cold start. */
+static void answer_state(controller *c, int local)
+{
+    double *g = c->s.g;
+    for (int i = 0; i < 3; ++i)
+        g[MEASURED + 18 + i] *= c->time_s;
+    c->passes = c->searched = 0;
+    c->local_s = 0.0;
+    int found = measure(c);
+    if (found) {
+        if (g[STATE_REPORT + 6] > SETPOINT_MOVED_RAD)
+            c->warm = 0;
+        for (int i = 0; i < 18; ++i)
+            g[FORESEEN + i] = g[MEASURED + 9 + i % 9];
+        found = local ? find_locally(c) : find(c);
+    }
+    if (found) {
+        answer_with_best(c);
+    } else {
+        c->warm = 0;
+        c->answer[STATUS] = STATUS_FAILED;
+    }
+    c->answer[PASSES] = (double)c->passes;
+    c->answer[SEARCHED] = (double)c->searched;
+    c->answer[LOCAL_S] = c->local_s;
+}

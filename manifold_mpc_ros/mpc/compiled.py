@@ -1,0 +1,265 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The compiled controller: its memory, its numbers, and one foreign call from state to answer.
+
+During a call other Python threads may go on. Matrices and vectors are dimensionless
+(:mod:`manifold_mpc_ros.mpc.scaling`) where no unit is named. ``answer`` is all that a tick needs;
+the parts of a solve can be called one by one, which studies and tests do.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import struct
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from manifold_mpc_ros.config.cones import Cone
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
+from manifold_mpc_ros.mpc.library import Controller, Kept, Library, LoopRecord, Solve, WaysFunction
+from manifold_mpc_ros.mpc.program import fields as f
+from manifold_mpc_ros.mpc.program.layout import layout_of
+from manifold_mpc_ros.mpc.program.phase import Field, Memory, Structure
+from manifold_mpc_ros.mpc.reports import Progress, Report, StateReport
+from manifold_mpc_ros.mpc.scaling import TERMINAL_LEVEL, Scaling, scaling_of
+from manifold_mpc_ros.mpc.search import guard_squared, quickest_rad_s2, starts
+from manifold_mpc_ros.mpc.stages.cone import AIM
+from manifold_mpc_ros.mpc.stages.inequalities import (
+    cone_inequalities,
+    inequalities_of,
+    wheel_inequalities,
+)
+from manifold_mpc_ros.mpc.stages.reference import REFERENCE
+from manifold_mpc_ros.mpc.stages.torque_box import ShiftedTorqueBox
+from manifold_mpc_ros.mpc.stages.wheel_limits import TOTAL, Wheels
+
+_ALIGNMENT = 64
+# Numbers of an answer before its torques: search.c.
+_HEAD = struct.Struct('9d')
+
+
+class CompiledMpc:
+    """The controller of one configuration in C. Not for two threads at once."""
+
+    def __init__(self, library: Library, structure: Structure, config: AttitudeMpcConfig,
+                 numbers: Mapping[Field, Array]) -> None:
+        """Allocate everything that a solve needs; ``numbers`` has the problem's global fields."""
+        self.structure, self.horizon = structure, config.horizon
+        self._library, self._lanes, self._layout = library, library.lanes, layout_of(structure)
+        self._plans = [self._stages(Memory.TRAJECTORY) for _ in range(5)]
+        self._model = self._stages(Memory.MODEL)
+        self._globals = _aligned(self._layout.rows(Memory.GLOBAL))
+        for field, values in numbers.items():
+            self._global(field)[:] = values
+        self._global(f.FORESEEN)[:] = np.tile(np.eye(3).ravel(), 2)
+        measured = self._global(f.MEASURED)
+        self._attitude, self._target = measured[:9].reshape(3, 3), measured[9:18].reshape(3, 3)
+        self._rate = measured[18:]
+        n = self.horizon
+        self._answer = np.zeros(_HEAD.size // 8 + 3 * n + 12 * (n + 1))
+        _, torques, attitudes, rates = np.split(
+            self._answer, np.cumsum([_HEAD.size // 8, 3 * n, 9 * (n + 1)]))
+        self._torques, self._rates = torques.reshape(n, 3), rates.reshape(n + 1, 3)
+        self._attitudes = attitudes.reshape(n + 1, 3, 3)
+        self._starts = starts(config)
+        addresses = [each.ctypes.data for each in self._plans]
+        unit = scaling_of(config)
+        self._controller = Controller(
+            solve=Solve(plan=addresses[0], fresh=addresses[1], model=self._model.ctypes.data,
+                        g=self._globals.ctypes.data, horizon=self.horizon),
+            kept=Kept(addresses[2]), best=Kept(addresses[3]), other=Kept(addresses[4]),
+            starts=self._starts.ctypes.data, start_count=len(self._starts),
+            answer=self._answer.ctypes.data, time_s=unit.time_s, torque_n_m=unit.torque_n_m,
+            rate_rad_s=unit.rate_rad_s, cost=unit.cost, step_s=config.step_s,
+            quickest=quickest_rad_s2(config), guard_squared=guard_squared(config),
+            level=numbers[f.PARAMETER][TERMINAL_LEVEL], allowed=1, inside=1)
+        self._address = ctypes.byref(self._controller)
+        library.prepare(self._address)
+        if cone_inequalities(structure):
+            self._set_nodes(AIM, np.tile((1.0, 0.0, 0.0, 0.0), (self.horizon + 1, 1)))
+
+    def _stages(self, memory: Memory) -> Array:
+        """Return memory for N + 1 stages in blocks of lanes, one before them and one behind."""
+        blocks = -(-(self.horizon + 1) // self._lanes) + 2
+        return _aligned(blocks * self._layout.rows(memory) * self._lanes)
+
+    def _global(self, field: Field) -> Array:
+        """Return a global field, to be written to."""
+        first = self._layout.first_row(field)
+        return self._globals[first:first + field.size]
+
+    def _nodes(self, memory: Array, field: Field) -> Array:
+        """Return a field as it lies in its memory, (blocks from stage 0 on, lanes, size)."""
+        first = self._layout.first_row(field)
+        rows = memory.reshape(-1, self._layout.rows(field.memory), self._lanes)
+        return rows[1:, first:first + field.size, :].transpose(0, 2, 1)
+
+    def _set_nodes(self, field: Field, values: Array) -> None:
+        """Write a field of the model at every node (N + 1, size); beyond them the last again."""
+        place = self._nodes(self._model, field)
+        rest = len(place) * place.shape[1] - len(values)
+        place[:] = np.pad(values, ((0, rest), (0, 0)), 'edge').reshape(place.shape)
+
+    # A tick.
+
+    def answer(self, R_NB: Array, omega_BN_B: Array, R_ND: Array, deadline_s: float, *,
+               local: bool = False) -> tuple[tuple[Any, ...], Array, Array, Array]:
+        """Map attitude (3, 3), rate (3,) [rad/s] and commanded attitude (3, 3) to an answer.
+
+        Status, passes, whether it searched, cost, residual, violation, promised cost, level of the
+        state, time of the local solver [s]; and torques (N, 3), R_NB (N + 1, 3, 3) and rates
+        (N + 1, 3) of the plan. SI units.
+        """
+        self._attitude[...], self._rate[...], self._target[...] = R_NB, omega_BN_B, R_ND
+        self._library.answer(self._address, deadline_s, local)
+        return (_HEAD.unpack_from(self._answer.data), self._torques.copy(), self._attitudes.copy(),
+                self._rates.copy())
+
+    def reset(self) -> None:
+        """Forget the warm start; the next search is global."""
+        self._controller.warm = 0
+
+    def foresee(self, R_ND: Array) -> None:
+        """Say which commanded attitude (3, 3) will follow the last one."""
+        self._global(f.FORESEEN)[9:] = R_ND.ravel()
+
+    def set_level(self, level: float, *, allowed: bool) -> None:
+        """Set the dimensionless level c of the terminal set, and whether there is one."""
+        self._controller.level, self._controller.allowed = level, allowed
+
+    def set_ways(self, ways: Callable[[Array, bool], Sequence[Array]], most: int) -> None:
+        """Ask for ways round cones, at most so many arrays (N + 1, 4).
+
+        From R_DB (3, 3), and whether a cone has held the best plan back.
+        """
+        aims = self._aims = np.zeros((most, self.horizon + 1, 4))
+
+        def write(held: int) -> int:
+            found = ways(self.attitude, bool(held))
+            if found:
+                aims[:len(found)] = found
+            return len(found)
+        self._controller.ways = self._ways = WaysFunction(write)
+        self._controller.aims = aims.ctypes.data
+
+    def set_cones(self, kept: Sequence[Cone], directions_N: Array) -> None:
+        """Set the cones that nodes keep, and their directions at every node, (N + 1, n, 3)."""
+        for each in cone_inequalities(self.structure):
+            self._global(each.data)[:] = each.numbers_of(kept)
+            self._set_nodes(each.direction_N, directions_N[:, each.places(kept)].reshape(
+                self.horizon + 1, -1))
+
+    def set_reference(self, numbers: Array) -> None:
+        """Set the reference that costs are about, at every node (N + 1, 14)."""
+        self._set_nodes(REFERENCE, numbers)
+
+    def disturb(self, disturbance_n_m: Array) -> None:
+        """Set the disturbance torque (3,) [N m] that the torque box moves with."""
+        self._controller.disturbance_n_m[:] = disturbance_n_m.tolist()
+        for each in inequalities_of(self.structure):
+            if isinstance(each, ShiftedTorqueBox):
+                self._global(each.data)[3:] = disturbance_n_m / self._controller.torque_n_m
+
+    def set_wheels(self, now: Wheels, unit: Scaling) -> None:
+        """Set what wheels give and store, and the momentum of body and wheels."""
+        self._global(TOTAL)[:] = now.total_D / (unit.torque_n_m * unit.time_s)
+        for each in wheel_inequalities(self.structure):
+            self._global(each.data)[:] = each.numbers_of(now, unit)
+
+    # A closed loop on the model.
+
+    def set_body(self, inertia: Array, torque: Array) -> None:
+        """Set the body that `follow` and `advance` move: inertia (3, 3), disturbance (3,)."""
+        self._global(f.BODY)[:] = np.concatenate([inertia.ravel(), torque])
+
+    def state(self) -> Array:
+        """Return the state (12,): R_NB row by row and dimensionless rate."""
+        measured = self._global(f.MEASURED)
+        return np.concatenate([measured[:9], measured[18:]])
+
+    def advance(self, torque: Array) -> None:
+        """Move the state on by one step of the body under a torque (3,)."""
+        self._global(f.APPLIED)[:] = torque
+        self._library.advance(self._address)
+
+    def follow(self, record: LoopRecord, first: int) -> int:
+        """Close the loop from tick ``first`` on; return the first tick that needs a search."""
+        return self._library.follow(self._address, ctypes.byref(record), first)
+
+    # The parts of a solve.
+
+    @property
+    def starts(self) -> Array:
+        """The starts of the search (n, 4), in their order."""
+        return self._starts
+
+    def set_state(self, R_NB: Array, R_ND: Array, omega: Array) -> StateReport | None:
+        """Set a state of dimensionless rate (3,); None where it cannot be predicted from."""
+        self._attitude[:], self._rate[:], self._target[:] = R_NB, omega, R_ND
+        usable = self._library.set_state(self._address)
+        return StateReport(*self._global(f.STATE_REPORT).tolist()) if usable else None
+
+    @property
+    def slew_steps(self) -> float:
+        """How many steps a bang-bang slew from the state takes, by torque limits alone."""
+        return self._library.slew_steps(self._address)
+
+    def use_set(self, with_set: bool) -> None:
+        """Solve with the terminal set, or without."""
+        self._library.use_set(self._address, with_set)
+
+    def begin(self, start: Array, steps: float) -> None:
+        """Begin a cold start (4,) of a slew of so many steps."""
+        self._library.begin_start(self._address, start.ctypes.data, steps)
+
+    def begin_slew(self, mu: float) -> None:
+        """Begin with the slew law, the short way, with barrier parameter mu."""
+        self._library.begin_slew(self._address, mu)
+
+    def begin_way(self, aims: Array) -> None:
+        """Begin with the slew law towards what it aims at, stage by stage (N + 1, 4)."""
+        aims = np.ascontiguousarray(aims)
+        self._library.begin_way(self._address, aims.ctypes.data)
+
+    def iterate(self, most: int) -> None:
+        """Run up to ``most`` passes in all, until it ends."""
+        self._library.iterate(self._address, most, math.inf)
+
+    @property
+    def attitude(self) -> Array:
+        """The attitude R_DB (3, 3) from which plans start."""
+        return so3.rotation_from_quaternion(self._global(f.START)[:4])
+
+    @property
+    def progress(self) -> Progress:
+        """How far the solve is."""
+        s = self._controller.solve
+        return Progress(s.cost, max(s.stationarity, s.products), s.flag, s.passes)
+
+    def field(self, field: Field) -> Array:
+        """Return a field (N + 1, size) of the trajectory under way."""
+        memory = next(each for each in self._plans
+                      if each.ctypes.data == self._controller.solve.plan)
+        return self._nodes(memory, field).reshape(-1, field.size)[:self.horizon + 1]
+
+    def report(self) -> Report:
+        """Say what the caller of a solve wants to know of the trajectory under way."""
+        self._library.report(self._address)
+        first = self._layout.first_row(f.FIRST_COST)
+        return Report(*self._globals[first:first + 6].tolist())
+
+    def poses(self) -> Array:
+        """Return R_NB row by row and dimensionless rate (N + 1, 12) of what was reported last."""
+        return self._nodes(self._model, f.POSE).reshape(-1, 12)[:self.horizon + 1]
+
+
+def _aligned(size: int) -> Array:
+    """Return zeros that begin at a multiple of the alignment."""
+    raw = np.zeros(size + _ALIGNMENT // 8)
+    skip = -raw.ctypes.data % _ALIGNMENT // 8
+    return raw[skip:skip + size]
