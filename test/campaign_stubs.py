@@ -103,7 +103,7 @@ class FlippedFirst:
     def solve(self, R_NB: Array, omega_BN_B: Array, R_ND: Array) -> AttitudeMpcSolution:
         answer = self.mpc.solve(R_NB, omega_BN_B, R_ND)
         sign, self.first = -1.0 if self.first else 1.0, False
-        return replace(answer, torque_B_n_m=sign * answer.torque_B_n_m)
+        return answer._replace(torque_B_n_m=sign * answer.torque_B_n_m)
 
 
 def make_damping(_config: AttitudeMpcConfig, _backend: str) -> Damping:
