@@ -106,6 +106,15 @@ def test_a_loop_that_does_not_close_in_time_is_one_message(tmp_path: Path) -> No
     assert 'no torque came within 0.01 s' in done.stderr
 
 
+def test_the_messages_of_another_stack_are_refused_with_the_verb_that_takes_them(
+    command: Callable[..., tuple[int, str, str]], write_config: Callable[..., Path],
+) -> None:
+    config = write_config('controller', state_source='basilisk')
+    status, _, error = command('demo', '--controller-config', config)
+    assert status == 2
+    assert 'manifold-mpc record runs a scenario' in error
+
+
 def test_without_ros_the_demo_says_what_to_install(
     command: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
 ) -> None:

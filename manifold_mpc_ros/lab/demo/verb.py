@@ -23,10 +23,12 @@ from manifold_mpc_ros.cli.processes import (
 )
 from manifold_mpc_ros.config.control_law import SimulatorConfig
 from manifold_mpc_ros.config.controller import ControllerConfig
-from manifold_mpc_ros.errors import ManifoldMpcError
+from manifold_mpc_ros.config.description import PLAIN
+from manifold_mpc_ros.errors import ConfigurationError, ManifoldMpcError
 from manifold_mpc_ros.lab.closed_loop import settling_time
 from manifold_mpc_ros.lab.demo.bag import DemoBag
 from manifold_mpc_ros.lab.demo.watch import HOLD_S, StartWatch, loop_is_closed, watch_until_settled
+from manifold_mpc_ros.lab.recording.scenarios.scenario import is_shipped_state
 from manifold_mpc_ros.mpc.target import error_angle
 
 if TYPE_CHECKING:
@@ -67,6 +69,10 @@ def run(arguments: argparse.Namespace) -> int:
              shared.simulator_config_path(arguments.simulator_config))
     config = ControllerConfig.from_yaml(files[0])
     SimulatorConfig.from_yaml(files[1])
+    if not is_shipped_state(config.state_source) or config.command_sink != PLAIN:
+        raise ConfigurationError(
+            'state_source and command_sink', [config.state_source, config.command_sink],
+            'the shipped messages; manifold-mpc record runs a scenario in those of another stack')
     require('demo', 'rclpy')
     from manifold_mpc_ros.lab.recording.nodes.history import Recorder
     arguments.output.mkdir(parents=True, exist_ok=True)
