@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from manifold_mpc_ros.config.control_law import SimulatorConfig
 from manifold_mpc_ros.dynamics import scalar_form
-from manifold_mpc_ros.dynamics.environment import gravity_gradient_B
+from manifold_mpc_ros.dynamics.environment import dipole_field_N, gravity_gradient_B
 from manifold_mpc_ros.dynamics.inertia import existence_guard
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.errors import ConfigurationError
@@ -88,6 +88,8 @@ class Plant:
         self._torque_B = np.zeros(self.inputs)
         self._under_way = deque([np.zeros(self.inputs)] * self.config.delay_steps)
         self._steps = 0
+        #: Dipole (3,) of magnetorquers, which acts where there is a field [A m^2].
+        self.dipole_B_a_m2 = np.zeros(3)
         self.counters = PlantCounters()
         # One stream each: switching one noise off leaves the other as it was.
         attitude_seed, rate_seed = np.random.SeedSequence(self.config.seed).spawn(2)
@@ -218,7 +220,7 @@ class Plant:
             inertia_kg_m2=self.config.inertia_kg_m2, step_s=step_s, forcing='symmetric')
 
     def _external_B(self) -> Array:
-        """Return disturbance and gravity gradient (3,) at this attitude [N m].
+        """Return disturbance, gravity gradient and dipole's torque (3,) at this attitude [N m].
 
         At the place in the middle of the plant's step, so that both its ends have the same.
         """
@@ -228,7 +230,18 @@ class Plant:
         if self.config.orbit is not None:
             position_N = self.config.orbit.position_N_m((self._steps - 0.5) * self.step_s)
             torque_B = torque_B + gravity_gradient_B(self._R_NB, position_N, self._mass_inertia)
+            if self.dipole_B_a_m2.any():
+                field_B = self._R_NB.T @ dipole_field_N(position_N)
+                torque_B = torque_B + np.cross(self.dipole_B_a_m2, field_B)
         return torque_B
+
+    @property
+    def field_B_t(self) -> Array:
+        """The magnetic field (3,) in body axes [T], zero without an orbit."""
+        if self.config.orbit is None:
+            return np.zeros(3)
+        return np.asarray(self._R_NB.T @ dipole_field_N(
+            self.config.orbit.position_N_m(self.time_s)))
 
     @property
     def _mass_inertia(self) -> Array:
