@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Random problems with cones: the search beside IPOPT from many starts, and closed loops.
 
-    python benchmarks/cone_problems.py ipopt FILE.jsonl [--problems 2000]
+    python benchmarks/cone_problems.py ipopt FILE.jsonl [--problems 2000] [--starts 24]
     python benchmarks/cone_problems.py compare FILE.jsonl [--loops 200] [--output FILE.json]
 
 Problem i comes from the generator of seed (12, i): 1 to 4 cones of 1 to 3 boresights, start and
 target that keep them by 0.1 rad, such that the straight way from one to the other crosses a cone.
-The first command appends the costs of IPOPT from 24 starts, a line a problem, and goes on where it
-was stopped. The second solves the problems of such a file, integrates every plan 50 times finer,
-and closes loops. A plan is dearer when its cost is above IPOPT's best by more than 1e-6.
+The first command appends the costs of IPOPT from so many starts, a line a problem, and goes on
+where it was stopped. The second solves the problems of such a file, integrates every plan 50 times
+finer, and closes loops. A plan is dearer when its cost is above IPOPT's best by more than 1e-6.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import argparse
 import itertools
 import json
 import time
+from collections import Counter
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -33,7 +34,7 @@ from manifold_mpc_ros.terminal.design import TerminalDesign
 from manifold_mpc_ros.terminal.problem_of import terminal_design
 
 RESULT = Path(__file__).parents[1] / 'docs' / 'results' / 'cone_problems.json'
-MOST_CONES, VIAS = 4, 22
+MOST_CONES = 4
 LEAST_RAD = 0.1
 TOLERANCE, FINER, TICKS, SETTLED_RAD = 1e-6, 50, 80, 1e-2
 J = np.diag([1.0, 0.9, 0.6])
@@ -93,7 +94,7 @@ def level_of(given: Problem, design: TerminalDesign) -> float:
     return cut_level(design.c, margins, spread(config, design.P))
 
 
-def solve_by_ipopt(path: Path, indices: range) -> None:
+def solve_by_ipopt(path: Path, indices: range, most: int) -> None:
     """Append a line for every problem that the file has not yet."""
     design = terminal_design(AttitudeMpcConfig(**BODY))
     oracle = ConeOracle(AttitudeMpcConfig(**BODY), design.P, MOST_CONES)
@@ -106,7 +107,7 @@ def solve_by_ipopt(path: Path, indices: range) -> None:
         rng = np.random.default_rng((13, index))
         level = level_of(given, design)
         found = [oracle.solve(R, given.omega_BN_B, cones, level, oracle.by_way_of(corners))[0]
-                 for corners in starts(R, cones, rng, VIAS)]
+                 for corners in starts(R, cones, rng, most - 2)]
         with path.open('a', encoding='utf-8') as file:
             file.write(json.dumps({
                 'problem': index, 'costs': [cost if np.isfinite(cost) else None
@@ -144,7 +145,8 @@ def compare(path: Path, loops: int) -> dict[str, Any]:
     solved = [row for row in found if np.isfinite(row['ipopt'])]
     times = np.array([row['cpu_ms'] for row in found])
     return {
-        'problems': len(found), 'starts_of_ipopt': len(rows[0]['costs']),
+        'problems': len(found),
+        'starts_of_ipopt': dict(Counter(len(row['costs']) for row in rows)),
         'solved_by_ipopt': len(solved),
         'not_solved_but_by_ipopt': [row['problem'] for row in solved
                                     if row['status'] != 'converged'],
@@ -211,11 +213,12 @@ def main() -> None:
     parser.add_argument('what', choices=('ipopt', 'compare'))
     parser.add_argument('file', type=Path)
     parser.add_argument('--problems', type=int, default=2000)
+    parser.add_argument('--starts', type=int, default=24)
     parser.add_argument('--loops', type=int, default=200)
     parser.add_argument('--output', type=Path, default=RESULT)
     arguments = parser.parse_args()
     if arguments.what == 'ipopt':
-        solve_by_ipopt(arguments.file, range(arguments.problems))
+        solve_by_ipopt(arguments.file, range(arguments.problems), arguments.starts)
         return
     data = compare(arguments.file, arguments.loops)
     arguments.output.write_text(json.dumps(data, indent=1) + '\n', encoding='utf-8')

@@ -112,10 +112,10 @@ class Cone:
             sine = (1.0 - bound ** 2) ** 0.5 if 0.0 <= bound < 1.0 else 1.0
         if bound <= -1.0:
             raise ConfigurationError(
-                f'cones.{self.name}.half_angle_rad', self.half_angle_rad,
-                'a cone that leaves some direction allowed, between samples too (there the axis '
-                f'moves by up to {moved + sum(between):.3g} in cosine; less with a shorter step_s '
-                'or lower limits)')
+                f'cones.{self.name}', f'{np.degrees(self.half_angle_rad):.4g} degrees',
+                'a half angle that leaves some direction allowed, between samples too (there the '
+                f'axis moves by up to {moved + sum(between):.3g} in cosine; less with a shorter '
+                'step_s or lower limits)')
         angle = float(np.arccos(self.sign * bound))
         return replace(self, half_angle_rad=angle)
 

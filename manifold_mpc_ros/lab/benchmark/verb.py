@@ -35,6 +35,8 @@ EXAMPLES = """\
       latency of the controller node over DDS, at 10 to 200 Hz: ten minutes
   manifold-mpc bench --batch
       10,000 closed loops of 200 steps on all cores: a minute
+  manifold-mpc bench --constrained
+      public slews with cones, beside others and time-optimal bounds: minutes
 """
 HORIZONS = (5, 10, 20, 40, 80, 160)
 QUICK_HORIZONS = (10, 20)
@@ -68,13 +70,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--tick', action='store_true', help='instead: latency of the controller node over DDS')
     instead.add_argument(
         '--batch', action='store_true', help='instead: many closed loops at once on all cores')
+    instead.add_argument(
+        '--constrained', action='store_true',
+        help='instead: public slews with cones, beside others and time-optimal bounds')
     parser.add_argument(
         '--seconds', type=shared.positive_number, metavar='S',
         help=f'length of each run of --tick (default: {TICK_S:g}, {QUICK_TICK_S:g} with --quick)')
     parser.add_argument(
         '--output', type=Path, metavar='FILE.json',
         help='every figure (default: results/bench.json, instructions.json, tick.json or '
-             'batch.json); a picture goes beside it')
+             'batch.json, constrained.json); a picture goes beside it')
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -84,7 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
     from manifold_mpc_ros.lab.benchmark.peers import instances
     console = report.make_console()
     core, entries = _core(arguments.core), _entries(arguments.solvers)
-    kind = next((kind for kind in ('instructions', 'tick', 'batch')
+    kind = next((kind for kind in ('instructions', 'tick', 'batch', 'constrained')
                  if getattr(arguments, kind)), 'bench')
     output = arguments.output or Path('results', f'{kind}.json')
     output.parent.mkdir(parents=True, exist_ok=True)
@@ -92,6 +97,8 @@ def run(arguments: argparse.Namespace) -> int:
         return _measure_ticks(console, output, arguments)
     if arguments.batch:
         return _close_loops(console, output, arguments)
+    if arguments.constrained:
+        return _fly_slews(console, output, core, quick=arguments.quick)
     if arguments.instructions:
         return _count_instructions(console, output, arguments, entries)
     states = instances.draw(
@@ -229,4 +236,21 @@ def _close_loops(console: Console, output: Path, arguments: argparse.Namespace) 
     output.write_text(json.dumps(data, indent=1, allow_nan=False) + '\n', encoding='utf-8')
     batch.show(console, data)
     report.say_written(console, [output])
+    return 0
+
+
+def _fly_slews(console: Console, output: Path, core: int, *, quick: bool) -> int:
+    """Fly the public slews with cones, print, draw and write them."""
+    from manifold_mpc_ros.cli import console as report
+    from manifold_mpc_ros.cli.progress import activity
+    from manifold_mpc_ros.lab.benchmark import text_report
+    from manifold_mpc_ros.lab.benchmark.constrained import run as constrained
+    from manifold_mpc_ros.lab.benchmark.constrained.plot import plot_slews
+    with activity(console) as say:
+        data = constrained.measure(
+            constrained.QUICK_FRAMES if quick else constrained.FRAMES, core, say, peers=not quick)
+    data['machine'] = text_report.machine(core, None)
+    output.write_text(json.dumps(data, indent=1, allow_nan=False) + '\n', encoding='utf-8')
+    constrained.show(console, data)
+    report.say_written(console, [output, plot_slews(data, output.with_suffix('.png'))])
     return 0

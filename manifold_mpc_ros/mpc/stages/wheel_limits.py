@@ -133,7 +133,7 @@ class StoredMomentum(NodeInequality):
     def products_of(self, slack: ca.SX, elastic: ca.SX) -> ca.SX:
         """Return the products of slacks and elastic parts, part by part."""
         both = ca.horzcat(slack, elastic)
-        return ca.vertcat(*(product(ca.vec(both[i:i + _PART, :]))
+        return ca.vertcat(*(product(ca.vec(both[i:min(i + _PART, self.rows), :]))
                             for i in range(0, self.rows, _PART)))
 
     def facets(self, read: Read) -> ca.SX:

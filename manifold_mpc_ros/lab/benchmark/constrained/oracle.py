@@ -156,6 +156,8 @@ def starts(R_NB: Array, cones: Sequence[Cone], rng: np.random.Generator, vias: i
     angle = max(float(np.linalg.norm(turn)), 1e-9)
     back = turn / angle * (2.0 * np.pi - angle)
     yield np.stack([R_NB, R_NB @ so3.exp(back / 3), R_NB @ so3.exp(2 * back / 3), home])
+    if not cones:
+        return
     others = so3.random_rotations(rng, 60)
     legs = [so3.log(np.swapaxes(R_NB[None], 1, 2) @ others), so3.log(np.swapaxes(others, 1, 2))]
     parts = np.linspace(0.0, 1.0, 13)[:, None, None]
