@@ -26,7 +26,7 @@ def write_config(tmp_path: Path) -> Callable[..., Path]:
             *groups, last = name.split('.')
             target = section['ros__parameters']
             for group in groups:
-                target = target[group]
+                target = target.setdefault(group, {})
             target[last] = value
         path = tmp_path / f'{which}_changed.yaml'
         path.write_text(yaml.safe_dump(document), encoding='utf-8')

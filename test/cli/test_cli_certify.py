@@ -5,13 +5,14 @@
 from __future__ import annotations
 
 import json
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from manifold_mpc_ros.lab.certification.certificate import read_certificate
+from manifold_mpc_ros.lab.certification.certificate import read_certificate, write_certificate
 
 Command = Callable[..., tuple[int, str, str]]
 TOP = Path(__file__).parents[2]
@@ -37,6 +38,27 @@ def test_certify_then_verify(command: Command, weak: Path, tmp_path: Path) -> No
     status, out, err = command('verify', output, *ALONE)
     assert (status, err) == (0, '')
     assert 'Verified: the terminal set is certified on all of X_T' in out
+
+
+def test_a_cone_that_cuts_the_set_is_proved_again_from_the_file_and_a_wider_one_refused(
+    command: Command, write_config: Callable[..., Path], tmp_path: Path,
+) -> None:
+    """In a fresh process; the wider cone with a digest that fits."""
+    path = write_config('controller', **{
+        'limits.max_torque_n_m': [0.05] * 3, 'limits.max_rate_rad_s': [0.1] * 3,
+        'cones.names': ['sun'], 'cones.sun.axis_B': [1.0, 0.0, 0.0],
+        'cones.sun.half_angle_deg': 35.0, 'cones.sun.direction_N': [0.8, 0.6, 0.0]})
+    output = tmp_path / 'certificate.json'
+    assert command('certify', '--controller-config', path, '--output', output, *ALONE)[0] == 0
+    verify = [sys.executable, '-m', 'manifold_mpc_ros.cli.main', 'verify', str(output), *ALONE]
+    assert subprocess.run(verify, check=False, capture_output=True).returncode == 0
+    certificate = read_certificate(output)
+    cone, = certificate.configuration['cones']
+    cone['half_angle_rad'] += 0.02
+    write_certificate(certificate, output)
+    ended = subprocess.run(verify, check=False, capture_output=True, text=True)
+    assert ended.returncode == 1
+    assert 'do not fit the c of the stored configuration' in ended.stderr
 
 
 def test_pointing_is_certified_too(

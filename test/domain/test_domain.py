@@ -13,6 +13,7 @@ from cases import configuration
 from oracle_starts import best
 from strategies import generator
 
+from manifold_mpc_ros.config.cones import Cone
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step, step_rotation
 from manifold_mpc_ros.errors import ConfigurationError
@@ -243,3 +244,24 @@ def test_planes_cover_the_disc(config: AttitudeMpcConfig) -> None:
         assert len(states) == np.count_nonzero(plane.covered(21))
         assert np.allclose(states.vectors @ plane.axes, points[plane.covered(21)])
         assert domain.NONE not in plane.covered(21)
+
+
+def test_a_plan_keeps_the_cones_and_from_inside_there_is_none() -> None:
+    sun = Cone('sun', (1.0, 0.0, 0.0), (0.5, 0.866, 0.05), 0.4)
+    free = configuration(forcing='symmetric', max_torque_n_m=0.8, max_rate_rad_s=0.4, horizon=16)
+    with_cone = replace(free, cones=(sun,))
+    behind, inside = so3.exp([0.0, 0.0, 2.1]), so3.exp([0.0, 0.0, 1.05])
+    least = []
+    for config in (free, with_cone):
+        search = Feasibility(config, terminal_design(config))
+        torques, R, omega = search.plan(behind, np.zeros(3)), behind, np.zeros(3)
+        assert torques is not None
+        margins = []
+        for torque in torques:
+            R, omega = lgvi_step(R, omega, torque, inertia_kg_m2=config.inertia_kg_m2,
+                                 step_s=config.step_s)
+            margins.append(float(sun.margins_rad(R)))
+        least.append(min(margins))
+        assert (search.plan(inside, np.zeros(3)) is None) == bool(config.cones)
+    assert least[0] < -0.1
+    assert least[1] >= 0.0

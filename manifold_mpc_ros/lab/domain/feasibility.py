@@ -3,11 +3,12 @@
 """Membership in D_N: a plan of N steps that keeps every limit and ends in X_T, or none found.
 
 An answer needs no optimum. Every iterate of the solver is a roll-out of the model by torques
-strictly inside their limits, so the first iterate whose rates keep their limits and whose last
-state is in the terminal set is a plan that paper (Dn_defn) asks for: the state *is* in D_N, up
-to rounding. When no start of the global search leads to one, the controller itself is asked, so
-that both say the same; where it is 'infeasible', the answer is 'not found', which is
-evidence that the state is outside, not a proof (IPOPT agrees on samples, test_domain.py).
+strictly inside their limits, so the first iterate whose rates keep their limits, whose attitudes
+keep the cones as tightened, and whose last state is in the terminal set is a plan that paper
+(Dn_defn) asks for: the state *is* in D_N, up to rounding. When no start of the global search leads
+to one, the controller itself is asked, so that both say the same; where it is 'infeasible', the
+answer is 'not found', which is evidence that the state is outside, not a proof (IPOPT agrees on
+samples, test_domain.py).
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from manifold_mpc_ros.config.cones import joined
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
@@ -40,7 +42,7 @@ class Feasibility:
         self._mpc = AttitudeMpc(config, backend=backend, cache_dir=cache_dir, terminal=terminal)
         self._solver, self.backend = self._mpc.solver, self._mpc.backend
         self._unit = scaling_of(config)
-        self._limits = config.rate_limits
+        self._limits, self._cones = config.rate_limits, config.kept_cones
 
     def plan(self, R_NB: Array, omega_BN_B: Array) -> Array | None:
         """Map a state (commanded attitude: identity) to torques (N, 3) [N m], None if not found.
@@ -69,9 +71,14 @@ class Feasibility:
         return self._solver.report().first_level
 
     def _is_feasible(self) -> bool:
-        """Return whether a roll-out keeps the rate limits at k >= 1 and ends in X_T."""
-        report = self._solver.report()
-        rates = self._solver.poses()[1:, 9:].T * self._unit.rate_rad_s
+        """Return whether a roll-out keeps cones, rate limits at k >= 1, and ends in X_T."""
+        report, poses = self._solver.report(), self._solver.poses()
+        R_NB = poses[:, :9].reshape(-1, 3, 3)
+        margins = np.array([cone.margins_rad(R_NB) for cone in self._cones])
+        if any(each.min() < -options.VIOLATION
+               for each in joined(self._cones, margins).values()):
+            return False
+        rates = poses[1:, 9:].T * self._unit.rate_rad_s
         values = [value for limit in self._limits for value in limit.values(rates)]
         return bool(np.all(np.array(values) <= options.VIOLATION)
                     and report.last_level <= 1 + options.VIOLATION)
