@@ -109,7 +109,7 @@ setup(
     maintainer_email=MAINTAINER.get('email'),
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={NAME: ['py.typed', 'config/presets/*.yaml', 'lab/report/static/*',
-                         'mpc/backends/*.[ch]']},
+                         'mpc/backends/*.[ch]', 'lab/export/templates/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),

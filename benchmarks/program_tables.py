@@ -86,3 +86,40 @@ def cones(data: dict[str, Any]) -> str:
     return table(['problem', 'frames', 'settled after [s]', 'time-optimal bound [s]',
                   'published, others [s]', 'least angle to a cone [deg]',
                   'largest energy [% of limit]', 'largest motor torque [% of limit]'], rows)
+
+
+def calls(data: dict[str, Any]) -> str:
+    """Return what a call of `AttitudeMpc.solve` costs beside the solver in it."""
+    return table(['N', 'start', 'call [us]', 'solver [us]', 'call over solver'], [
+        [name.removeprefix('N = '), start, f'{row["call_us"]:.1f}', f'{row["solver_us"]:.1f}',
+         f'{row["quotient"]:.2f}'] for name, rows in data.items() for start, row in rows.items()])
+
+
+def exported_targets(data: dict[str, Any]) -> str:
+    """Return how the exported controller agrees with Python's on every target."""
+    rows = []
+    for target, horizons in data['targets'].items():
+        parts = list(horizons.values())
+        rows.append([target, f'{sum(part["states"] for part in parts):,}',
+                     'yes' if all(part['same_bits'] for part in parts) else 'no',
+                     str(sum(part['other_status'] for part in parts)),
+                     f'{max(part["largest_torque_difference_n_m"] for part in parts):.1e}'])
+    return table(['target', 'states', 'same bits', 'other status', 'torque differs by [N m]'],
+                 rows)
+
+
+def exported_sizes(data: dict[str, Any]) -> str:
+    """Return sizes and instructions on a Cortex-M7."""
+    rows = []
+    for horizon, each in data['cortex_m7'].items():
+        counts = each['instructions']
+        rows.append([
+            horizon.removeprefix('N = '),
+            *(f'{each[key] / 1024:.1f}' for key in ('code_bytes', 'stack_bytes', 'memory_bytes')),
+            *(f'{counts[kind][key] / 1e6:.2f}' for kind in ('warm', 'search')
+              for key in ('median', 'p99')),
+            f'{max(counts[kind]["largest"] for kind in counts) / 1e6:.0f}',
+            f'{each["bound_statements"]["total"] / 1e6:,.0f}'])
+    return table(['N', 'code [KiB]', 'stack [KiB]', 'memory [KiB]', 'warm: median [10^6]', 'p99',
+                  'search: median [10^6]', 'p99', 'largest seen', 'statements at most [10^6]'],
+                 rows)

@@ -17,11 +17,22 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from program_tables import cones, fleet, joblib, light, lines, mcap, table
+from program_tables import (
+    calls,
+    cones,
+    exported_sizes,
+    exported_targets,
+    fleet,
+    joblib,
+    light,
+    lines,
+    mcap,
+    table,
+)
 
 TOP = Path(__file__).resolve().parent.parent
 PAGES = (TOP / 'README.md', *(TOP / 'docs' / f'{name}.md' for name in (
-    'performance', 'chaos', 'install', 'libraries', 'nodes')))
+    'performance', 'chaos', 'embedding', 'install', 'libraries', 'nodes')))
 RESULTS = TOP / 'docs' / 'results'
 CHAOS = 'chaos_matrix chaos_soak chaos_drills chaos_drills_shared_memory'
 TABLE = re.compile(r'(<!-- table: (\S+) -->\n).*?(<!-- end -->)', re.DOTALL)
@@ -218,7 +229,8 @@ TABLES: dict[str, tuple[str, Callable[..., str]]] = {
     'instructions': ('instructions', counts),
     'batch': ('batch', loops), 'light': ('light', light), 'lines': ('lines', lines),
     'fleet': ('fleet', fleet),
-    'cones': ('cones', cones),
+    'cones': ('cones', cones), 'calls': ('calls', calls),
+    'export-targets': ('export', exported_targets), 'export-sizes': ('export', exported_sizes),
     'mcap': ('libraries', mcap), 'joblib': ('libraries', joblib),
 }
 COMMANDS = {'bench': 'make bench', 'tick': 'manifold-mpc bench --tick',
@@ -226,6 +238,7 @@ COMMANDS = {'bench': 'make bench', 'tick': 'manifold-mpc bench --tick',
             'batch': 'manifold-mpc bench --batch', 'light': 'python benchmarks/light.py',
             'libraries': 'python benchmarks/libraries.py', 'fleet': 'python benchmarks/fleet.py',
             'cones': 'python benchmarks/cones.py', 'lines': 'python benchmarks/lines.py',
+            'calls': 'python benchmarks/calls.py', 'export': 'python benchmarks/export.py',
             'chaos': 'manifold-mpc chaos'}
 
 

@@ -36,6 +36,10 @@ VERBS = {
         'tune.verb',
         'From inertia and limits to a controller file, checked by closed loops.',
         ('rich',)),
+    'export': Verb(
+        'export.verb',
+        'Write the whole controller as plain C99, for flight computers.',
+        ('rich',)),
     'certify': Verb(
         'certification.verb_certify',
         'Prove the conditions of the terminal set on all of it and write a certificate.',

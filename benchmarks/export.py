@@ -1,0 +1,122 @@
+# Copyright 2026 The manifold_mpc_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The exported controller against Python's, on every processor that can be had here.
+
+    python benchmarks/export.py --output docs/results/export.json
+
+Closed loops of half turns, random states, tumbling, rates beyond the limits, disturbances and new
+targets, on the shipped controller with its horizon and with one of which many of these states are
+outside D_N; status and torque against Python's. Code, stack and memory for horizons of 10, 20 and
+40 on a Cortex-M7, and the instructions of a call there, as QEMU counts them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'test'))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'test' / 'export'))
+
+from campaign_of_states import loops
+from targets import STATUSES, TARGETS, Target, answers, built, stack_bytes
+
+from manifold_mpc_ros import AttitudeMpc, AttitudeMpcConfig
+from manifold_mpc_ros.cli.arguments import controller_config_path
+from manifold_mpc_ros.lab.export.bounds import bounds
+from manifold_mpc_ros.lab.export.sources import exported, memory_doubles
+from manifold_mpc_ros.lie.arrays import Array
+from manifold_mpc_ros.mpc.stages.inequalities import structure_of
+
+HORIZONS = (10, 20, 40)
+TICKS = 25
+
+
+def write(folder: Path, mpc: AttitudeMpc) -> Path:
+    """Export a controller into a folder."""
+    folder.mkdir(parents=True)
+    for name, text in exported(mpc.config, mpc.terminal).items():
+        (folder / name).write_text(text, encoding='utf-8')
+    return folder
+
+
+def compared(found: Array, python: Array) -> dict[str, Any]:
+    """Return what differs between a target's answers and Python's."""
+    return {
+        'states': len(python), 'same_bits': bool(np.array_equal(
+            found[:, :11], python, equal_nan=True)),
+        'other_status': int((found[:, 0] != python[:, 0]).sum()),
+        'other_passes': int((found[:, 1] != python[:, 1]).sum()),
+        'largest_torque_difference_n_m': float(np.abs(found[:, 8:11] - python[:, 8:]).max())}
+
+
+def instructions(found: Array) -> dict[str, Any]:
+    """Return how many instructions calls take, searches apart."""
+    counts, searched = found[:, 11], found[:, 2] > 0.0
+    return {name: {'median': float(np.median(each)), 'p99': float(np.percentile(each, 99)),
+                   'largest': float(each.max()), 'calls': len(each)}
+            for name, each in (('warm', counts[~searched]), ('search', counts[searched]))}
+
+
+def sizes(target: Target, folder: Path) -> dict[str, int]:
+    """Return code, data and deepest stack of the object file [bytes]."""
+    table = subprocess.run([*target.sizes, str(folder / 'manifold_mpc.o')], check=True,
+                           capture_output=True, text=True).stdout.splitlines()[1].split()
+    return {'code_bytes': int(table[0]), 'data_bytes': int(table[1]) + int(table[2]),
+            'stack_bytes': stack_bytes(folder)}
+
+
+def main() -> int:
+    """Run, write; 1 where a target answers otherwise."""
+    parser = argparse.ArgumentParser(description=__doc__.split('\n', 1)[0])
+    parser.add_argument('--output', type=Path, required=True, metavar='FILE')
+    parser.add_argument('--states', type=int, default=10000, metavar='N')
+    parser.add_argument('--cortex-m7-states', type=int, default=10000, metavar='N',
+                        help='the first N of these: the emulated processor is slow')
+    arguments = parser.parse_args()
+    shipped = AttitudeMpcConfig.from_yaml(controller_config_path(None))
+    report: dict[str, Any] = {'targets': {}, 'cortex_m7': {}}
+    with tempfile.TemporaryDirectory() as name:
+        folder, right = Path(name), True
+        for horizon in HORIZONS:
+            config = replace(shipped, horizon=horizon)
+            mpc = AttitudeMpc(config, disturbed=True)
+            sources = write(folder / str(horizon), mpc)
+            count = arguments.states // len(HORIZONS) // TICKS + 1
+            states, python = loops(mpc, count, TICKS, f'export {horizon}')
+            structure = structure_of(config, disturbed=True)
+            report[f'states of N = {horizon}'] = {
+                str(each): int((python[:, 0] == i).sum()) for i, each in enumerate(STATUSES)}
+            for key, target in TARGETS.items():
+                if target.missing:
+                    print(f'{key}: {target.missing}')
+                    continue
+                here = folder / f'{key} {horizon}'
+                here.mkdir()
+                few = len(states) if key != 'cortex-m7' else min(
+                    len(states), arguments.cortex_m7_states // len(HORIZONS))
+                found = answers(target, built(target, sources, here), states[:few], 7200.0)
+                row = compared(found, python[:few])
+                report['targets'].setdefault(key, {})[f'N = {horizon}'] = row
+                right &= row['other_status'] == 0 and row['largest_torque_difference_n_m'] < 1e-9
+                print(f'{key}, N = {horizon}: {row}', flush=True)
+                if key == 'cortex-m7':
+                    report['cortex_m7'][f'N = {horizon}'] = {
+                        **sizes(target, here),
+                        'memory_bytes': 8 * memory_doubles(structure, horizon),
+                        'instructions': instructions(found),
+                        'bound_statements': bounds(structure, config)._asdict()}
+            arguments.output.write_text(json.dumps(report, indent=2) + '\n', encoding='utf-8')
+    return int(not right)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
