@@ -22,7 +22,6 @@ from manifold_mpc_ros.lab.fault_injection.fault import (
 
 Q, RATE, TORQUE_VECTOR = ODOMETRY.quaternion, ODOMETRY.vector, WRENCH.vector
 NO_STATE = frozenset({'HOLD', 'FALLBACK', 'COAST'})
-NOMINAL_ONLY = frozenset({'NOMINAL'})
 #: Now and then the stored plan, where the machine is late as well.
 MOSTLY_NOMINAL = frozenset({'NOMINAL', 'HOLD'})
 
