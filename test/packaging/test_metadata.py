@@ -19,11 +19,10 @@ from installed import BUILD, PIP, TOP, run
 
 from manifold_mpc_ros.cli.extras import EXTRAS
 
-# What an import belongs to, for pip and for rosdep, where the names differ.
+# What an import belongs to for pip, where the names differ.
 PIP_NAME = {'yaml': 'pyyaml', 'flint': 'python-flint'}
-ROSDEP_KEY = {'casadi': 'casadi-pip', 'rosbags': 'python3-rosbags-pip'}
-# There is no key for python-flint.
-NO_ROSDEP_KEY = {'python3-flint'}
+# A release takes no rosdep key that pip installs; these have no other, or none at all.
+PIP_ALONE = {'casadi', 'flint', 'plotly', 'rosbags'}
 # Folders of the package that are the laboratory; the rest of it flies.
 LABORATORY = ('cli', 'lab')
 # Declared for the launch file and for lifecycle clients, which no module of ours imports.
@@ -75,6 +74,8 @@ def test_the_manifest_is_valid(manifest: Package) -> None:
     manifest.validate(warnings=warnings)
     assert warnings == []
     assert manifest.get_build_type() == 'ament_python'
+    keys = [*manifest.exec_depends, *manifest.test_depends]
+    assert not [depend.name for depend in keys if 'pip' in depend.name]  # bloom refuses them
 
 
 def folders(laboratory: bool) -> list[str]:
@@ -92,7 +93,7 @@ def test_every_import_of_what_flies_is_declared_for_pip_and_for_rosdep(
     from_ros, from_pip = foreign & declared, foreign - declared
     assert {'rclpy', 'nav_msgs', 'geometry_msgs', 'sensor_msgs'} <= from_ros
     assert {PIP_NAME.get(name, name) for name in from_pip} == required(metadata)
-    keys = {ROSDEP_KEY.get(name, f'python3-{name}') for name in from_pip}
+    keys = {f'python3-{name}' for name in from_pip - PIP_ALONE}
     assert declared - UNSEEN == keys | from_ros - UNSEEN
 
 
@@ -110,8 +111,8 @@ def test_every_import_of_the_laboratory_is_in_an_extra(
     assert required(metadata, 'lab') <= required(metadata, 'campaign')
     assert required(metadata, 'campaign') <= required(metadata, 'cluster')
     assert required(metadata, 'cluster') <= required(metadata, 'test')
-    keys = {ROSDEP_KEY.get(name, f'python3-{name}')
-            for name, extra in EXTRAS.items() if extra == 'lab'} - NO_ROSDEP_KEY
+    keys = {f'python3-{name}' for name, extra in EXTRAS.items()
+            if extra == 'lab' and name not in PIP_ALONE}
     assert keys <= {depend.name for depend in manifest.test_depends}
 
 
