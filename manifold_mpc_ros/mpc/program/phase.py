@@ -122,7 +122,7 @@ def phase(name: str, expression: Expression, *, order: Order = Order.ALL, beyond
     for field, value in values.items():
         assert value.shape == (field.size, 1), (name, field.name, value.shape)
     function = ca.Function(name, list(read.symbols.values()),
-                           [ca.densify(value) for value in values.values()])
+                           ca.cse([ca.densify(value) for value in values.values()]))
     return Phase(name, order, tuple(read.symbols),
                  tuple(Ref(field, 0, field.memory is Memory.TRAJECTORY) for field in values),
                  function, beyond, last, only)
