@@ -11,12 +11,12 @@ from __future__ import annotations
 import queue
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.mpc.reference import Reference
-from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution
+from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +81,10 @@ class Solver(Protocol):
 
 
 def solve_with(solver: Solver, max_solve_time_s: float | None = None) -> Solve:
-    """Return the function that answers requests with a solver, in its own time or in this [s]."""
+    """Return the function that answers requests with a solver, in its own time or in this [s].
+
+    Where a target runs away from every plan, faster than the limits, the plan goes to where it is.
+    """
     def solve(request: SolveRequest) -> AttitudeMpcSolution:
         if request.cold:
             solver.reset()
@@ -89,11 +92,19 @@ def solve_with(solver: Solver, max_solve_time_s: float | None = None) -> Solve:
             {'directions_N': request.directions_N} if request.directions_N else {})
         if request.wheel_momentum_n_m_s is not None:
             more['wheel_momentum_n_m_s'] = request.wheel_momentum_n_m_s
-        if request.reference is not None:
-            more['reference'] = request.reference
-        return solver.solve(request.R_NB, request.omega_BN_B, request.R_ND,
-                            disturbance_B_n_m=request.disturbance_B_n_m,
-                            max_solve_time_s=max_solve_time_s, **more)
+
+        def answer(**how: Any) -> AttitudeMpcSolution:
+            return solver.solve(request.R_NB, request.omega_BN_B, request.R_ND,
+                                disturbance_B_n_m=request.disturbance_B_n_m,
+                                max_solve_time_s=max_solve_time_s, **how)
+
+        if request.reference is None:
+            return answer(**more)
+        solution = answer(**more, reference=request.reference)
+        if solution.status is not SolveStatus.FAILED or not solution.limits_used > 1.0:
+            return solution
+        return replace(answer(**more), status=SolveStatus.INFEASIBLE,
+                       limits_used=solution.limits_used)
 
     return solve
 

@@ -173,7 +173,8 @@ class AttitudeMpc:
             R_NB, omega, R_ND, deadline_s, local=local)
         status, passes, searched, cost, residual, violation, promised, ratio, local_s = head
         if status == _FAILED:
-            return failed(R_NB, omega, self.config.horizon, time.perf_counter() - begin)
+            return failed(R_NB, omega, self.config.horizon, time.perf_counter() - begin,
+                          self.limits_used)
         return AttitudeMpcSolution(
             torques[0].copy(), torques, attitudes, rates, cost, int(passes),
             time.perf_counter() - begin, _STATUSES[int(status)], residual, violation,

@@ -69,14 +69,15 @@ class AttitudeMpcSolution(NamedTuple):
     limits_used: float = 0.0
 
 
-def failed(R_NB: ArrayLike, omega_BN_B: ArrayLike, horizon: int, elapsed_s: float
-           ) -> AttitudeMpcSolution:
+def failed(R_NB: ArrayLike, omega_BN_B: ArrayLike, horizon: int, elapsed_s: float,
+           limits_used: float = 0.0) -> AttitudeMpcSolution:
     """Return the zero plan for a state that cannot be predicted from."""
     return AttitudeMpcSolution(
         np.zeros(3), np.zeros((horizon, 3)),
         np.tile(np.asarray(R_NB, dtype=float), (horizon + 1, 1, 1)),
         np.tile(np.asarray(omega_BN_B, dtype=float), (horizon + 1, 1)), float('nan'), 0, elapsed_s,
-        SolveStatus.FAILED, float('inf'), float('inf'), False, float('nan'), float('nan'))
+        SolveStatus.FAILED, float('inf'), float('inf'), False, float('nan'), float('nan'),
+        limits_used=limits_used)
 
 
 def with_wheels(solution: AttitudeMpcSolution, config: AttitudeMpcConfig,

@@ -14,6 +14,7 @@ from scripted import SAMPLE, STEP_NS, Script, loop_with
 
 from manifold_mpc_ros.control.decrease_record import Decrease
 from manifold_mpc_ros.control.input_gate import Reason, Refusal
+from manifold_mpc_ros.control.modes import Mode
 from manifold_mpc_ros.control.moving.gate import Frame, Point, admit_moving, admit_trajectory
 from manifold_mpc_ros.control.moving.trajectory import Trajectory
 from manifold_mpc_ros.control.target import FixedTarget
@@ -100,6 +101,21 @@ def test_one_that_no_limit_allows_is_followed_as_near_as_they_do(mpc: AttitudeMp
     assert (np.abs(flight.rate_rad_s) < 0.6 * (1.0 + 1e-3)).all()
     assert (np.abs(flight.torque_n_m) <= 0.3 * (1.0 + 1e-9)).all()
     assert flight.rate_rad_s[-1, 2] > 0.55
+
+
+def test_one_that_runs_away_from_every_plan_is_gone_after() -> None:
+    mpc = AttitudeMpc(configuration(**CERTIFIED), moving=True)
+    body = ContinuousBody(CONFIG.inertia_kg_m2, step_s=0.05, R_NB=so3.exp([0.0, 0.0, 1.0]))
+    away = trajectory(spin([0.0, 0.0, -2.5]), 20.0, 0.5)
+    assert mpc.solve(body.R_NB, body.omega_BN_B, reference=away.over_horizon(
+        EPOCH_NS, 0.5, 20)).status is SolveStatus.FAILED
+    flight = fly(mpc, body, away, 6.0)
+    assert {command.mode for command in flight.commands} == {Mode.NOMINAL}
+    assert all(command.solution.status is SolveStatus.INFEASIBLE  # type: ignore[union-attr]
+               and command.solution.limits_used > 3.0  # type: ignore[union-attr]
+               for command in flight.commands)
+    assert (np.abs(flight.rate_rad_s) < 0.6 * (1.0 + 1e-2)).all()
+    assert np.abs(flight.torque_n_m).max() > 0.2
 
 
 def test_between_points_attitude_rate_and_acceleration_are_smooth() -> None:
