@@ -43,9 +43,10 @@ def trajectory(path: Path, duration_s: float, spacing_s: float) -> Trajectory:
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """True error angle (n,) [rad] and rate (n, 3) [rad/s] at every tick, and the commands."""
+    """True attitude, error angle [rad] and rate [rad/s] at every tick (n, ...), and commands."""
 
     time_s: FloatArray
+    attitudes: FloatArray
     error_rad: FloatArray
     rate_rad_s: FloatArray
     commands: list[Command]
@@ -92,8 +93,8 @@ def fly(
         loop.admit(StateSample(now_ns, R_NB, omega))
         commands.append(loop.tick(ClockTime(now_ns)))
         error = so3.angle(target.at(now_ns)[0].T @ body.R_NB)
-        rows.append((tick * config.step_s, float(error), body.omega_BN_B))
+        rows.append((tick * config.step_s, body.R_NB, float(error), body.omega_BN_B))
         for _ in range(steps):
             body.step(commands[-1].torque_B_n_m)
-    times, errors, rates = map(np.array, zip(*rows, strict=True))
-    return Flight(times, errors, rates, commands, loop)
+    times, attitudes, errors, rates = map(np.array, zip(*rows, strict=True))
+    return Flight(times, attitudes, errors, rates, commands, loop)
