@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import functools
+import itertools
 import json
 import math
 import os
@@ -181,6 +182,30 @@ def disturbances() -> list[dict[str, Any]]:
     return rows
 
 
+def noise() -> list[dict[str, Any]]:
+    """Torque that noise makes, planned from measured and from filtered states."""
+    rows = []
+    for step_s, size, drift, filtered in itertools.product(
+            (0.1, 0.5), (1e-4, 1e-3), (1e-3, 1e-4), (False, True)):
+        mpc, draw = controller(step_s), np.random.default_rng(1)
+
+        def measure(at: ContinuousBody, size: float = size, draw: Any = draw) -> Any:
+            return (at.R_NB @ so3.exp(draw.normal(scale=size, size=3)),
+                    at.omega_BN_B + draw.normal(scale=size, size=3))
+
+        flight = fly(mpc, body(mpc, np.eye(3), disturbance=lambda _time, _R: TORQUE_N_M),
+                     trajectory(spin(np.zeros(3)), 70.0, 25.0), 60.0, measure=measure,
+                     observer=ResponseObserver(mpc.config, ResponseSettings(
+                         size, size, drift, np.full(3, np.inf), True, filtered), 0.0))
+        half = len(flight.commands) // 2
+        rows.append({
+            'step_s': step_s, 'noise_rad': size, 'drift_n_m': drift, 'filtered': filtered,
+            'torque_rms_n_m': float(np.sqrt(np.mean(
+                (flight.torque_n_m[half:] + TORQUE_N_M) ** 2))),
+            'error_rms_deg': float(np.rad2deg(np.sqrt(np.mean(flight.error_rad[half:] ** 2))))})
+    return rows
+
+
 def _drawn(seed: int, low: float, high: float) -> dict[str, Any]:
     """Fly one random target that uses a share of the limits drawn from a range."""
     mpc = controller()
@@ -238,7 +263,7 @@ def infeasible() -> dict[str, Any]:
 
 STUDIES: dict[str, Callable[[], Any]] = {
     'targets': constant, 'delays': delays, 'disturbances': disturbances,
-    'orbit': orbit, 'sun_to_nadir': sun_to_nadir,
+    'noise': noise, 'orbit': orbit, 'sun_to_nadir': sun_to_nadir,
     'ground_pass': lambda: ground_pass(controller()), 'feasible': feasible,
     'infeasible': infeasible}
 

@@ -38,6 +38,7 @@ class ControllerConfig:
     actuator: str
     actuation_delay_s: float
     estimate_disturbance: bool
+    filter_state: bool
     max_disturbance_n_m: list[float]
     drift_n_m: float
     rate_noise_rad_s: float

@@ -152,6 +152,9 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
         'estimate the torque that acts unasked, and plan with it',
         name_in_config='estimate_disturbance'),
     ParameterSpec(
+        'disturbance.filter_state', 'bool', False,
+        'plan from attitude and rate as the estimator filters them, not as measured'),
+    ParameterSpec(
         'disturbance.max_torque_n_m', 'floats', [math.inf],
         'largest estimate about each body axis, either sign; never more than half of '
         'limits.max_torque_n_m', unit='N m', lengths=(1, 3), infinite=True,

@@ -87,4 +87,6 @@ class Anticipation:
         torques = self._sent.between(time_ns - age_ns - self.delay_ns, time_ns)
         if disturbance is not None:
             torques = ((lasting_ns, torque + disturbance) for lasting_ns, torque in torques)
-        return moved_on(sample.R_NB, sample.omega_BN_B, torques, self._law.config)
+        observer = self._law.observer
+        state = (sample.R_NB, sample.omega_BN_B) if observer is None else observer.state(sample)
+        return moved_on(*state, torques, self._law.config)

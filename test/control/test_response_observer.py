@@ -85,6 +85,21 @@ def test_under_noise_the_error_is_what_the_standard_deviation_says(
     assert np.rad2deg(flight.angle_rad[-400:]).mean() < 0.1
 
 
+def test_plans_from_filtered_states_make_less_torque_of_noise(
+    flown: Callable[..., Flight],
+) -> None:
+    noisy = {'disturbance': DISTURBANCE, 'start': AT_TARGET, 'noise': 1e-3,
+             'rate_noise_rad_s': 1e-3, 'attitude_noise_rad': 1e-3, 'drift_n_m': 1e-4}
+    measured, filtered = (flown(60.0, **noisy, filter_state=each) for each in (False, True))
+
+    def torque(flight: Flight) -> float:
+        late = [command.torque_B_n_m for command in flight.commands[60:]]
+        return float(np.sqrt(np.mean((np.array(late) + DISTURBANCE) ** 2)))
+
+    assert torque(filtered) < 0.6 * torque(measured)
+    assert filtered.angle_rad[-600:].mean() < 1.1 * measured.angle_rad[-600:].mean()
+
+
 @pytest.mark.parametrize('declared', [0.5, 2.0])
 @pytest.mark.parametrize('delay_s', [0.2, 0.65])
 def test_a_wrong_delay_is_found_said_and_planned_with(

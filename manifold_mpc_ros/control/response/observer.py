@@ -12,7 +12,11 @@ d a random walk (the disturbance torque, body components), D the actuation delay
 (`DelayEstimator`). The impulse comes from LGVI steps; with the measured turn the momentum of a
 free body is kept exactly. The impulse is taken as uncertain by `IMPULSE_ERROR` of itself and by
 what is not known of D: while it turns hard, a body that is not the model is not taken for a
-disturbance.
+disturbance. With ``filter_state`` the attitude error theta joins Pi and d in the covariance,
+
+    theta+ = f^T theta + T J^-1 (Pi + T d / 2),    R = R_predicted exp(theta),
+
+and measured attitudes correct all three: plans then begin at the filtered state.
 """
 
 from __future__ import annotations
@@ -27,6 +31,7 @@ from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample, to_ns
 from manifold_mpc_ros.control.response.delay_estimator import DelayEstimator
 from manifold_mpc_ros.control.torque_history import TorqueHistory, moved_on
 from manifold_mpc_ros.errors import StepExistenceError
+from manifold_mpc_ros.lie import so3
 
 #: Standard deviation of an impulse, as a part of it.
 IMPULSE_ERROR = 0.03
@@ -43,7 +48,8 @@ class ResponseSettings:
     """What the observer is told.
 
     Standard deviations of a measured rate [rad/s] and attitude [rad]; drift of the disturbance
-    in a second [N m]; bounds of its components (3,) [N m]; whether plans count on it.
+    in a second [N m]; bounds of its components (3,) [N m]; whether plans count on it, and
+    whether they begin at the filtered state.
     """
 
     rate_noise_rad_s: float
@@ -51,6 +57,7 @@ class ResponseSettings:
     drift_n_m: float
     max_torque_n_m: FloatArray
     compensate: bool
+    filter_state: bool = False
 
 
 class ResponseObserver:
@@ -76,8 +83,11 @@ class ResponseObserver:
         limit = np.inf if config.max_torque_n_m is None else LARGEST_SHARE * config.max_torque_n_m
         self._bound = np.minimum(settings.max_torque_n_m, limit)
         self._noise = settings.rate_noise_rad_s ** 2 * config.inertia_kg_m2 @ config.inertia_kg_m2
+        self._inverse = np.asarray(np.linalg.inv(config.inertia_kg_m2), dtype=np.float64)
+        self._attitude_noise = settings.attitude_noise_rad ** 2 * np.eye(3)
         self._x = np.zeros(6)
-        self._P = np.diag([0.0] * 3 + [settings.drift_n_m ** 2 * DRIFTED_S] * 3)
+        self._P = np.diag([0.0] * 3 + [settings.drift_n_m ** 2 * DRIFTED_S] * 3
+                          + [0.0] * 3 * settings.filter_state)
         self.restart()
 
     def restart(self) -> None:
@@ -104,6 +114,12 @@ class ResponseObserver:
         """The disturbance (3,) [N m] that plans count on."""
         return self.disturbance_B_n_m if self._settings.compensate else np.zeros(3)
 
+    def state(self, sample: StateSample) -> tuple[FloatArray, FloatArray]:
+        """Return attitude and rate [rad/s] of a state, filtered where plans are to begin there."""
+        if not self._settings.filter_state or self._sample is not sample:
+            return sample.R_NB, sample.omega_BN_B
+        return self._R_NB, self._inverse @ self._x[:3]
+
     def observe(self, sample: StateSample, sent: TorqueHistory, acting_since_ns: int) -> None:
         """Take a state, and what was sent; nothing sent before ``acting_since_ns`` is trusted.
 
@@ -118,18 +134,24 @@ class ResponseObserver:
         measured = self._config.inertia_kg_m2 @ sample.omega_BN_B
         if (before is None or begin_ns is None or begin_ns < acting_since_ns
                 or not 0.0 < gap_s <= LONGEST_GAP_STEPS * self._config.step_s):
-            self._begin(measured)
+            self._begin(sample, measured)
             return
         try:
             self._predict(before, sample, sent)
         except StepExistenceError:
-            self._begin(measured)
+            self._begin(sample, measured)
             return
-        self._correct(measured)
+        self._correct(slice(0, 3), measured - self._x[:3], self._noise)
+        if self._settings.filter_state:
+            self._correct(slice(6, 9), so3.log(self._R_NB.T @ sample.R_NB), self._attitude_noise)
 
-    def _begin(self, momentum: FloatArray) -> None:
-        """Take the momentum as measured; what is known of the rest stays."""
+    def _begin(self, sample: StateSample, momentum: FloatArray) -> None:
+        """Take the state as measured; what is known of the rest stays."""
+        self._R_NB = sample.R_NB
         self._x[:3] = momentum
+        if self._settings.filter_state:
+            self._P[6:, :] = self._P[:, 6:] = 0.0
+            self._P[6:, 6:] = self._attitude_noise
         self._P[:3, :] = self._P[:, :3] = 0.0
         self._P[:3, :3] = self._noise
 
@@ -138,8 +160,11 @@ class ResponseObserver:
         config, delay, gap_ns = self._config, self.delay, sample.stamp_ns - before.stamp_ns
         gap_s, d, was = gap_ns / NANOSECONDS, self._x[3:].copy(), self._x[:3].copy()
         back = sample.R_NB.T @ before.R_NB
-        halfway, F = 0.5 * (np.eye(3) + back), np.eye(6)
-        F[:3, :3], F[:3, 3:] = back, gap_s * halfway
+        halfway, F = 0.5 * (np.eye(3) + back), np.eye(len(self._P))
+        F[:3, :3], F[:3, 3:6] = back, gap_s * halfway
+        if self._settings.filter_state:
+            F[6:, 6:], F[6:, :3] = back, gap_s * self._inverse
+            F[6:, 3:6] = 0.5 * gap_s ** 2 * self._inverse
         self._P = F @ self._P @ F.T
         impulses = sent.impulses(-delay.delays_s, gap_s, before.stamp_ns) @ halfway.T
         unexplained = (config.inertia_kg_m2 @ sample.omega_BN_B - back @ was
@@ -150,6 +175,7 @@ class ResponseObserver:
             ((lasting_ns, torque + d) for lasting_ns, torque in sent.between(
                 first_ns, first_ns + gap_ns)), config)
         self._x[:3] = sample.R_NB.T @ R_NB @ config.inertia_kg_m2 @ omega_BN_B
+        self._R_NB = self._R_NB @ before.R_NB.T @ R_NB
         self._blur(gap_s, impulses)
         delay.observe(unexplained - impulses, float(np.trace(self._P[:3, :3] + self._noise)) / 3.0)
 
@@ -165,10 +191,13 @@ class ResponseObserver:
         P[:3, :3] += np.einsum('n,ni,nj->ij', likely / likely.sum(), spread, spread)
         P[range(3, 6), range(3, 6)] += settings.drift_n_m ** 2 * gap_s
 
-    def _correct(self, momentum: FloatArray) -> None:
-        """Take a measured momentum (3,) [N m s] into account."""
-        gain = np.linalg.solve(self._P[:3, :3] + self._noise, self._P[:3, :]).T
-        self._x += gain @ (momentum - self._x[:3])
-        self._P -= gain @ self._P[:3, :]
+    def _correct(self, part: slice, off: FloatArray, noise: FloatArray) -> None:
+        """Take into account by how much a part of the state is off (3,), with its noise (3, 3)."""
+        gain = np.linalg.solve(self._P[part, part] + noise, self._P[part, :]).T
+        change = gain @ off
+        self._x += change[:6]
+        self._P -= gain @ self._P[part, :]
         self._P = 0.5 * (self._P + self._P.T)
         self._x[3:] = np.clip(self._x[3:], -self._bound, self._bound)
+        if self._settings.filter_state:
+            self._R_NB = self._R_NB @ so3.exp(change[6:])

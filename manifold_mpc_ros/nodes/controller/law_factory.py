@@ -58,13 +58,13 @@ def law_with(
 
 
 def observer_for(config: ControllerConfig) -> ResponseObserver | None:
-    """Return what watches the response, None with no delay declared and no estimate asked for."""
-    if not config.estimate_disturbance and not config.actuation_delay_s:
+    """Return what watches the response, None where nobody asks for it."""
+    if not (config.estimate_disturbance or config.actuation_delay_s or config.filter_state):
         return None
     return ResponseObserver(config.mpc, ResponseSettings(
         config.rate_noise_rad_s, config.attitude_noise_rad / NOISE_DEVIATIONS,
         config.drift_n_m, np.broadcast_to(config.max_disturbance_n_m, 3),
-        config.estimate_disturbance), config.actuation_delay_s)
+        config.estimate_disturbance, config.filter_state), config.actuation_delay_s)
 
 
 def runner_for(
