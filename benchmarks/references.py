@@ -26,6 +26,7 @@ from typing import Any
 
 import numpy as np
 from orbit_flights import ground_pass, orbit, sun_to_nadir
+from reference_tables import draw
 
 from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.control.response.observer import ResponseObserver, ResponseSettings
@@ -280,7 +281,9 @@ def main() -> None:
         begin_s = time.monotonic()
         results[name] = STUDIES[name]()
         print(f'{name}: {time.monotonic() - begin_s:.0f} s', flush=True)
-        arguments.output.write_text(json.dumps(results, indent=1) + '\n', encoding='utf-8')
+        arguments.output.write_text(json.dumps(results) + '\n', encoding='utf-8')
+    if {'orbit', 'sun_to_nadir'} <= results.keys():
+        draw(results, arguments.output.with_suffix('.png'))
 
 
 if __name__ == '__main__':

@@ -17,6 +17,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import reference_tables as moving
 from program_tables import (
     calls,
     cones,
@@ -231,6 +232,11 @@ TABLES: dict[str, tuple[str, Callable[..., str]]] = {
     'fleet': ('fleet', fleet),
     'cones': ('cones', cones), 'calls': ('calls', calls),
     'export-targets': ('export', exported_targets), 'export-sizes': ('export', exported_sizes),
+    'targets': ('references', lambda data: _with_picture(moving.targets(data), 'references')),
+    'delays': ('references', moving.delays), 'noise': ('references', moving.noise),
+    'disturbances': ('references', moving.disturbances),
+    'random-targets': ('references', moving.random_targets),
+    'moving-cost': ('moving_cost', moving.cost),
     'mcap': ('libraries', mcap), 'joblib': ('libraries', joblib),
 }
 COMMANDS = {'bench': 'make bench', 'tick': 'manifold-mpc bench --tick',
@@ -240,6 +246,8 @@ COMMANDS = {'bench': 'make bench', 'tick': 'manifold-mpc bench --tick',
             'cones': 'python benchmarks/cones.py', 'lines': 'python benchmarks/lines.py',
             'calls': 'python benchmarks/calls.py', 'export': 'python benchmarks/export.py',
             'chaos': 'manifold-mpc chaos'}
+            'references': 'python benchmarks/references.py',
+            'moving': 'python benchmarks/moving_cost.py', 'chaos': 'manifold-mpc chaos'}
 
 
 def filled(page: str) -> str:
