@@ -156,22 +156,19 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
         'plan from attitude and rate as the estimator filters them, not as measured'),
     ParameterSpec(
         'disturbance.max_torque_n_m', 'floats', [math.inf],
-        'largest estimate about each body axis, either sign; never more than half of '
-        'limits.max_torque_n_m', unit='N m', lengths=(1, 3), infinite=True,
-        name_in_config='max_disturbance_n_m'),
+        'largest estimate about each body axis; at most half of limits.max_torque_n_m',
+        unit='N m', lengths=(1, 3), infinite=True, name_in_config='max_disturbance_n_m'),
     ParameterSpec(
         'disturbance.drift_n_m', 'float', 1e-3,
-        'how far the disturbance wanders in a second (standard deviation, growing with the square '
-        'root of time)', unit='N m', low=0.0, high=1e6),
+        'how far the disturbance wanders in a second (standard deviation)', unit='N m', low=0.0,
+        high=1e6),
     ParameterSpec(
         'disturbance.rate_noise_rad_s', 'float', 1e-5,
-        'standard deviation of a measured rate about each body axis', unit='rad/s', low=1e-12,
-        high=100.0),
+        'standard deviation of a measured rate', unit='rad/s', low=1e-12, high=100.0),
     ParameterSpec(
         'reference.timeout_s', 'float', 0.0,
-        'take what moves from reference and odometry_setpoint, and let an odometry_setpoint go on '
-        'at its rate for so long; 0: take neither', unit='s', low=0.0, high=86400.0,
-        read_only=True, name_in_config='reference_timeout_s'),
+        'age of an odometry_setpoint that still goes on; 0: take neither it nor a reference',
+        unit='s', low=0.0, high=86400.0, read_only=True, name_in_config='reference_timeout_s'),
     INERTIAL_FRAME,
     _BODY_FRAME,
     ParameterSpec(
