@@ -11,7 +11,7 @@ from __future__ import annotations
 import queue
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from manifold_mpc_ros.config.checks import FloatArray
@@ -103,8 +103,8 @@ def solve_with(solver: Solver, max_solve_time_s: float | None = None) -> Solve:
         solution = answer(**more, reference=request.reference)
         if solution.status is not SolveStatus.FAILED or not solution.limits_used > 1.0:
             return solution
-        return replace(answer(**more), status=SolveStatus.INFEASIBLE,
-                       limits_used=solution.limits_used)
+        return answer(**more)._replace(status=SolveStatus.INFEASIBLE,
+                                       limits_used=solution.limits_used)
 
     return solve
 
