@@ -245,7 +245,6 @@ COMMANDS = {'bench': 'make bench', 'tick': 'manifold-mpc bench --tick',
             'libraries': 'python benchmarks/libraries.py', 'fleet': 'python benchmarks/fleet.py',
             'cones': 'python benchmarks/cones.py', 'lines': 'python benchmarks/lines.py',
             'calls': 'python benchmarks/calls.py', 'export': 'python benchmarks/export.py',
-            'chaos': 'manifold-mpc chaos'}
             'references': 'python benchmarks/references.py',
             'moving': 'python benchmarks/moving_cost.py', 'chaos': 'manifold-mpc chaos'}
 
