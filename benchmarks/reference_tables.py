@@ -68,20 +68,26 @@ def noise(data: dict[str, Any]) -> str:
 
 def random_targets(data: dict[str, Any]) -> str:
     """Return what became of random targets within the limits and beyond."""
-    one, other = data['feasible'], data['infeasible']
-    rows = [['flights', str(one['flights']), str(other['flights'])],
-            ['error, median and largest [deg]',
-             f'{one["median_error_deg"]:.4f}, {one["largest_error_deg"]:.3f}', ''],
-            ['promises broken', f'{one["promises_broken"]} of {one["promises_checked"]}', ''],
-            ['torque limit exceeded [%]', *(f'{100 * each["largest_torque_excess"]:.1f}'
-                                            for each in (one, other))],
-            ['rate limit exceeded at most [%]', *(f'{100 * each["largest_rate_excess"]:.1f}'
-                                                  for each in (one, other))],
-            ['flights with more than one search', str(one['with_more_than_one_search']), ''],
-            ['every tick NOMINAL', *('yes' if each['all_nominal'] else 'no'
-                                     for each in (one, other))],
-            ['flights that were warned of', '', str(other['warned'])]]
-    return table(['', 'within the limits', 'beyond'], rows)
+    found = {name: data[key] for name, key in (
+        ('within the limits', 'feasible'), ('beyond', 'infeasible')) if key in data}
+    rows = {'flights': 'flights', 'error, median [deg]': 'median_error_deg',
+            'error, largest [deg]': 'largest_error_deg', 'promises checked': 'promises_checked',
+            'promises broken': 'promises_broken',
+            'torque limit exceeded by (part)': 'largest_torque_excess',
+            'rate limit exceeded by at most (part)': 'largest_rate_excess',
+            'flights with more than one search': 'with_more_than_one_search',
+            'every tick NOMINAL': 'all_nominal', 'flights that were warned of': 'warned',
+            'ticks warned of': 'ticks_warned', 'ticks in all': 'ticks'}
+    return table(['', *found], [
+        [name, *(_plain(study.get(key)) for study in found.values())]
+        for name, key in rows.items()])
+
+
+def _plain(value: object) -> str:
+    """Return a figure of a study, nothing where it has none."""
+    if value is None or isinstance(value, bool):
+        return {None: '', True: 'yes', False: 'no'}[value]
+    return f'{value:.3g}' if isinstance(value, float) else str(value)
 
 
 def cost(data: dict[str, Any]) -> str:
