@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 from manifold_mpc_ros.config import checks as checks
@@ -94,7 +95,7 @@ class ControllerConfig:
         devices = () if self.actuator == 'torque' else (self.actuator,)
         return (self.command_sink, *devices)
 
-    @property
+    @cached_property
     def state_name(self) -> str:
         """What refused states are counted under: the description, without the way to its file."""
         return 'state' if is_text(self.state_source) else Path(self.state_source).stem

@@ -98,7 +98,7 @@ class ControlLoop:
         self._law.solver.close()
         self._ahead.take(law)
         self._take(law)
-        self.output.set_actuator(self._make_actuator(law.config))
+        self.output.actuator = self._make_actuator(law.config)
         self.logic.set_timeout(to_ns(law.timeout_s))
         self.gate.set_timeout(law.timeout_s)
         self._void('the controller was changed')
@@ -180,7 +180,7 @@ class ControlLoop:
             facts, solution = self._solve(time_ns, age_ns)
         held_B_n_m = self._plan.torque(time_ns)
         decision = self.logic.decide(replace(
-            facts, held=held_B_n_m is not None, refused=self.output.refusal))
+            facts, held=held_B_n_m is not None, refused=self.output.actuator.refusal))
         self.logic.enter(decision)
         command = Command(
             time_ns if sample is None else sample.stamp_ns,

@@ -4,8 +4,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from manifold_mpc_ros.control.actuator import Actuation, Actuator
@@ -27,33 +25,19 @@ class OutputGate:
 
     def __init__(self, actuator: Actuator) -> None:
         """Start at zero torque."""
-        self.set_actuator(actuator)
+        self.actuator = actuator
         self.devices: Array | None = None
         self.latest = actuator.rest()
         self.not_finite = 0
         self.saturated = 0
         self._returning = False
 
-    def set_actuator(self, actuator: Actuator) -> None:
-        """Command this actuator from now on."""
-        self._actuator = actuator
-
     def observe(self, omega_BN_B: Array) -> None:
         """Hand the body rate (3,) [rad/s] when a command acts, and ``devices``, to the actuator.
 
         ``devices`` is what the devices last reported, in the unit of the kind.
         """
-        self._actuator.observe(omega_BN_B, self.devices)
-
-    @property
-    def refusal(self) -> str:
-        """Why the devices can give no torque, empty when they can."""
-        return self._actuator.refusal
-
-    @property
-    def usage(self) -> Mapping[str, float]:
-        """What the devices did last and have used."""
-        return self._actuator.usage
+        self.actuator.observe(omega_BN_B, self.devices)
 
     def slew(self) -> None:
         """Come back without a jump: change gradually until what is asked for is reached."""
@@ -65,17 +49,17 @@ class OutputGate:
         if asked.shape != (3,) or not np.isfinite(asked).all():
             self.not_finite += 1
             asked = np.zeros(3)
-        limited = self._actuator.limited(asked)
+        limited = self.actuator.limited(asked)
         self.saturated += limited is not asked
         if self._returning:
             limited = self._towards(limited)
-        self.latest = self._actuator.allocate(limited)
+        self.latest = self.actuator.allocate(limited)
         return self.latest
 
     def zero(self) -> Actuation:
         """Return the command for zero torque, at once."""
         self._returning = False
-        self.latest = self._actuator.rest()
+        self.latest = self.actuator.rest()
         return self.latest
 
     def _towards(self, asked: Array) -> Array:
@@ -85,6 +69,6 @@ class OutputGate:
         if not np.isfinite(change).all():  # without a limit, from one end of floats to the other
             self._returning = False
             return asked
-        step = self._actuator.limited(change, SLEW_FRACTION)
+        step = self.actuator.limited(change, SLEW_FRACTION)
         self._returning = step is not change
         return self.latest.torque_B_n_m + step if self._returning else asked

@@ -38,7 +38,7 @@ def test_no_limits_and_other_limits() -> None:
     gate = OutputGate(TorqueActuator(None))
     huge = np.array([1e6, -1e9, 0.0])
     np.testing.assert_array_equal(passed(gate, huge), huge)
-    gate.set_actuator(TorqueActuator(LIMIT))
+    gate.actuator = TorqueActuator(LIMIT)
     np.testing.assert_allclose(passed(gate, np.array([0.6, 0.0, 0.1])), [0.3, 0.0, 0.05])
     assert gate.saturated == 1
 
@@ -89,7 +89,7 @@ def test_the_actuator_is_told_the_rate_and_what_the_devices_report() -> None:
     gate.observe(rate)
     assert actuator.seen[1] is speeds
     actuator.refusal = 'no wheels'
-    assert gate.refusal == 'no wheels'
+    assert gate.actuator.refusal == 'no wheels'
 
 
 def test_from_one_end_of_floats_to_the_other_there_is_no_way_back() -> None:

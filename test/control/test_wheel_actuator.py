@@ -97,7 +97,7 @@ def test_whatever_is_asked_for_motors_and_momenta_stay_within_their_limits(
         assert np.isfinite(actuation.realised_B_n_m).all()
         assert (np.abs(actuation.device) <= array.max_torque_n_m * (1 + 1e-9)).all()
         assert not actuation.device[np.isnan(gate_out.devices)].any()
-        if not gate_out.refusal:
+        if not gate_out.actuator.refusal:
             after = np.abs(known + 0.5 * actuation.device)
             room = np.maximum(np.abs(known), array.max_momentum_n_m_s)
             assert (after <= room + 1e-8).all()

@@ -150,7 +150,7 @@ class AttitudeControllerNode(ManagedNode):
             **self._changes.values(),
             scheduling=self._realtime.scheduling, memory=self._realtime.memory)
         status.values.update(self._timing.values() | self._wheels.values(self._loop)
-                             | dict(self._loop.output.usage))
+                             | dict(self._loop.output.actuator.usage))
         latest = self._loop.sample
         if latest is not None and not self._config.lockstep:
             status.values['state_age_s'] = max(0, self._now_ns() - latest.stamp_ns) / NANOSECONDS
