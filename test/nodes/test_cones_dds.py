@@ -16,6 +16,8 @@ pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3Stamped
 from nav_msgs.msg import Odometry
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParametersAtomically
 from test_pointing_dds import direction_message
 from watching import attitude, error_rad, values_of
 
@@ -179,3 +181,55 @@ def test_a_solver_that_fails_on_the_way_sweeps_no_sun_through_the_telescope(
     margins = margins_rad(states)
     assert min(margins) > 0.0
     assert min(margins) < 0.2  # it was in the way
+
+
+def floats(name: str, *values: float) -> Parameter:
+    return Parameter(name=name, value=ParameterValue(
+        type=ParameterType.PARAMETER_DOUBLE_ARRAY, double_array_value=values))
+
+
+def double(name: str, value: float) -> Parameter:
+    return Parameter(name=name, value=ParameterValue(
+        type=ParameterType.PARAMETER_DOUBLE, double_value=value))
+
+
+def test_cones_change_at_run_time_as_a_set_or_not_at_all(rig: Rig) -> None:
+    states = rig.watch(Odometry, 'odometry')
+    diagnostics = rig.watch(DiagnosticArray, '/diagnostics')
+    rig.start('controller', parameters=CONTROLLER | {'cones.sun.direction_topic': 'none'})
+    rig.start('simulator', parameters=SIMULATOR)
+    rig.activate('/attitude_controller')
+    rig.activate('/lgvi_simulator')
+
+    def value(key: str) -> str:
+        return values_of(diagnostics, 'attitude_controller').get(key, '')
+
+    def changed(*parameters: Parameter) -> str:
+        """Return why a set is refused, empty when it is taken."""
+        result = rig.call(
+            SetParametersAtomically, '/attitude_controller/set_parameters_atomically',
+            SetParametersAtomically.Request(parameters=list(parameters))).result
+        assert result.successful == (result.reason == '')
+        return str(result.reason)
+
+    rig.until(lambda: bool(states) and error_rad(states[-1]) < 1e-3, 'the target')
+    before = float(value('cone.sun.margin_deg'))
+    for reason, parameters in (
+        ('cones.sun.axis_B', [floats('cones.sun.axis_B', 0.0, 0.0, 0.0)]),
+        ('cones.sun.half_angle_deg', [double('cones.sun.half_angle_deg', 180.0)]),
+        ('initial_setpoint', [floats('cones.sun.direction_N', 1.0, 0.0, 0.0)]),
+        ('limits', [floats('limits.max_rate_rad_s', math.inf, math.inf, math.inf)]),
+        # The first alone would do; together they are refused together.
+        ('cones.sun.half_angle_deg', [floats('cones.sun.direction_N', 0.0, 1.0, 0.0),
+                                      double('cones.sun.half_angle_deg', 0.0)]),
+    ):
+        said = changed(*parameters)
+        assert reason in said
+        assert '\n' not in said
+    assert value('parameter_changes') == '0'
+    assert changed(floats('cones.sun.direction_N', 0.0, 1.0, 0.0),
+                   double('cones.sun.half_angle_deg', 40.0)) == ''
+    rig.until(lambda: value('parameter_changes') == '1', 'the new cone')
+    rig.until(lambda: abs(float(value('cone.sun.margin_deg')) - 50.0) < 0.5, 'its margin')
+    assert before == pytest.approx(70.0, abs=0.5)
+    assert value('mode') == 'NOMINAL'
