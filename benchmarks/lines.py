@@ -6,8 +6,8 @@
 
 Of the working tree, and of commits that are named, as git has them. ``lines`` are those of the
 files; ``docstrings``, ``comments`` (licence included), ``blank`` and ``imports`` are parts of
-them, and ``code`` is the rest. In commits before e229e26 the laboratory had no folder of its own:
-there all of it counts as what flies.
+them, and ``code`` is the rest. Sources in C are a part of their own. In commits before e229e26 the
+laboratory had no folder of its own: there all of it counts as what flies.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import ast
 import json
+import re
 import subprocess
 from collections import Counter
 from collections.abc import Iterator
@@ -23,6 +24,9 @@ from pathlib import Path
 TOP = Path(__file__).resolve().parent.parent
 PACKAGE = 'manifold_mpc_ros'
 RESULT = TOP / 'docs' / 'results' / 'lines.json'
+SUFFIXES = ('.py', '.c', '.h')
+#: Comments that stand on lines of their own.
+COMMENT = re.compile(r'^[ \t]*(?:/\*.*?\*/|//[^\n]*)[ \t]*$', re.DOTALL | re.MULTILINE)
 #: Folders that are not part of what flies.
 OTHERS = {'lab': 'laboratory', 'cli': 'command line'}
 COMMITS = ('63bbe4a', 'e229e26', '87722c2')
@@ -47,14 +51,24 @@ def counted(source: str) -> Counter[str]:
         imports=imports, code=len(lines) - docstrings - comments - blank - imports)
 
 
+def counted_c(source: str) -> Counter[str]:
+    """Return the kinds of lines of a file in C."""
+    lines = [line.strip() for line in source.splitlines()]
+    comments = sum(len(each.splitlines()) for each in COMMENT.findall(source))
+    blank = sum(not line for line in lines)
+    imports = sum(line.startswith('#include') for line in lines)
+    return Counter(files=1, lines=len(lines), docstrings=0, comments=comments, blank=blank,
+                   imports=imports, code=len(lines) - comments - blank - imports)
+
+
 def sources(commit: str | None) -> Iterator[tuple[str, str]]:
-    """Yield path below the package and text of each module, of a commit or the working tree."""
+    """Yield path below the package and text of each source, of a commit or the working tree."""
     if commit is None:
-        for path in sorted((TOP / PACKAGE).rglob('*.py')):
+        for path in sorted(path for path in (TOP / PACKAGE).rglob('*') if path.suffix in SUFFIXES):
             yield path.relative_to(TOP / PACKAGE).as_posix(), path.read_text(encoding='utf-8')
         return
     listed = _git('ls-tree', '-r', '--name-only', commit, PACKAGE).splitlines()
-    for name in sorted(name for name in listed if name.endswith('.py')):
+    for name in sorted(name for name in listed if name.endswith(SUFFIXES)):
         yield name.removeprefix(f'{PACKAGE}/'), _git('show', f'{commit}:{name}')
 
 
@@ -70,8 +84,11 @@ def figures(commit: str | None) -> dict[str, dict[str, int]]:
     for path, source in sources(commit):
         first = path.partition('/')[0]
         part = OTHERS.get(first, 'what flies')
-        kinds = counted(source)
-        parts = [part] if first in OTHERS else [part, f'{part}: {path.rpartition("/")[0] or "."}']
+        python = path.endswith('.py')
+        part += '' if python else ', in C'
+        kinds = counted(source) if python else counted_c(source)
+        parts = [part] if first in OTHERS or not python else [
+            part, f'{part}: {path.rpartition("/")[0] or "."}']
         for name in parts:
             found.setdefault(name, Counter()).update(kinds)
     return {name: dict(found[name]) for name in sorted(found)}
