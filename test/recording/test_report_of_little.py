@@ -8,8 +8,10 @@ import json
 import math
 from pathlib import Path
 
-from synthetic import odometry, raw, write_bag
+from synthetic import START_NS, diagnostics, odometry, raw, tick_messages, write_bag
 
+from manifold_mpc_ros.lab.recording.bags.run import read_run
+from manifold_mpc_ros.lab.report.histories import histories
 from manifold_mpc_ros.lab.report.verb import write_report
 
 
@@ -24,3 +26,21 @@ def test_one_state_without_a_rate_and_no_torque(tmp_path: Path) -> None:
     assert run['error_deg'] == [0.0]
     for picture in (response, orientation):
         assert picture.read_bytes().startswith(b'\x89PNG')
+
+
+def test_what_diagnostics_say_of_devices_is_drawn(tmp_path: Path) -> None:
+    said = [{'ticks': str(k + 1), 'mode': 'NOMINAL', 'wheel_a_speed_rad_s': str(10.0 * k),
+             'wheel_a_torque_n_m': '0.1', 'thruster_7_on_s': '0.02'} for k in range(3)]
+    messages = [message for k, values in enumerate(said) for message in (
+        *tick_messages(k)[:2],
+        raw('/diagnostics', START_NS + 1000 * k + 400, diagnostics(
+            'attitude_controller', 0, '', values)))]
+    run = read_run(write_bag(tmp_path / 'wheeled', messages))
+    assert {quantity: list(values) for quantity, values in run.ticks.devices.items()} == {
+        'wheel speed [rad/s]': ['wheel_a'], 'motor torque [N m]': ['wheel_a'],
+        'thruster on-time [s]': ['thruster_7']}
+    assert run.ticks.devices['wheel speed [rad/s]']['wheel_a'].tolist() == [0.0, 10.0, 20.0]
+    figure = histories(run)
+    titles = [figure.layout[f'yaxis{row}'].title.text for row in (6, 7, 8)]
+    assert titles == list(run.ticks.devices)
+    assert sum(trace.name == 'wheel_a' for trace in figure.data) == 2

@@ -36,10 +36,11 @@ _TICKS_MS = [mantissa * 10.0 ** exponent for exponent in range(-3, 5) for mantis
 
 
 def histories(run: BagRun) -> go.Figure:
-    """Return error, rate, torque, solver, value function and cones of one run over time."""
-    cones = cone_histories(run)
+    """Return error, rate, torque, solver, value function, cones and devices of one run."""
+    cones, devices = cone_histories(run), run.ticks.devices
     figure = _panels(f'{_target(run)} error [deg]', 'body rate [rad/s]', 'torque [N m]',
-                     'solve time [ms]', 'value function', *['cone margin [deg]'][:len(cones)])
+                     'solve time [ms]', 'value function', *['cone margin [deg]'][:len(cones)],
+                     *devices)
     # The first shape is the cursor, which the page moves.
     figure.add_shape(type='line', xref='x', yref='paper', x0=0, x1=0, y0=0, y1=1,
                      line={'color': '#0072B2', 'width': 1.5})
@@ -65,7 +66,13 @@ def histories(run: BagRun) -> go.Figure:
         _line(figure, 6, run.states.time_s, values, name, colour)
     if cones:
         _level(figure, 6, 0.0, 'limit')
-    _finish(figure, [run], 6 if cones else 5)
+    first = 7 if cones else 6
+    for row, (quantity, named) in enumerate(devices.items(), start=first):
+        for (name, each), colour in zip(named.items(), itertools.cycle(RUN_COLOURS)):
+            _line(figure, row, measures.tick_times_s(run), each, name, colour, shape='hv')
+        if config is not None and config.wheels is not None and 'torque' in quantity:
+            _limits(figure, row, config.wheels.max_torque_n_m)
+    _finish(figure, [run], first - 1 + len(devices))
     for time_s in run.setpoints.time_s:
         if time_s > 0.0:
             figure.add_vline(x=float(time_s), line={'color': LIMIT_COLOUR, 'width': 1,

@@ -20,6 +20,7 @@ from manifold_mpc_ros.lab.recording.bags import decode
 from manifold_mpc_ros.lab.recording.bags.contents import BagContents
 from manifold_mpc_ros.lab.recording.bags.decode import Stamped, StateValue
 from manifold_mpc_ros.lab.recording.bags.series import (
+    DEVICE_QUANTITIES,
     CommandSeries,
     PredictionSeries,
     SetpointSeries,
@@ -172,7 +173,7 @@ class Source:
             solve_time_s=numbers('solve_time_us') * 1e-6, cost=numbers('cost'),
             value_function=numbers('value_function'), promised_value=numbers('promised_value'),
             relative_excess=numbers('relative_excess'),
-            in_terminal_set=words('in_terminal_set'), last=last)
+            in_terminal_set=words('in_terminal_set'), last=last, devices=_devices(last, numbers))
 
     def _samples(self, topic: str) -> list[Stamped[StateValue]]:
         """Return the states of a topic, whatever its type."""
@@ -250,6 +251,14 @@ def _controller_status(content: Any) -> tuple[int, str, dict[str, str]] | None:
             return (int(status.level), str(status.message),
                     {str(pair.key): str(pair.value) for pair in status.values})
     return None
+
+
+def _devices(last: Mapping[str, str], numbers: Callable[[str], FloatArray]
+             ) -> dict[str, dict[str, FloatArray]]:
+    """Return what ticks say of devices: quantity to name to values (t,)."""
+    found = {quantity: {key.removesuffix(end): numbers(key) for key in last if key.endswith(end)}
+             for end, quantity in DEVICE_QUANTITIES.items()}
+    return {quantity: values for quantity, values in found.items() if values}
 
 
 def _number(text: str) -> float:

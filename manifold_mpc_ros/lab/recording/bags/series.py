@@ -75,12 +75,18 @@ class SetpointSeries:
         return len(self.stamp_ns)
 
 
+#: What diagnostics say of devices, by the end of the key.
+DEVICE_QUANTITIES = {'_speed_rad_s': 'wheel speed [rad/s]', '_torque_n_m': 'motor torque [N m]',
+                     '_on_s': 'thruster on-time [s]'}
+
+
 @dataclass(frozen=True, eq=False)
 class TickSeries:
     """What the controller said on /diagnostics after each of t ticks, by ``tick`` (from 1).
 
     Numbers that it did not give are NaN, words are empty. ``last`` holds all that it said at
-    last (totals such as ``promises_broken`` and ``refused.*`` among them), as text.
+    last (totals such as ``promises_broken`` and ``refused.*`` among them), as text; ``devices``
+    has the `DEVICE_QUANTITIES` of each wheel or thruster.
     """
 
     tick: IntArray                 # (t,)
@@ -99,6 +105,7 @@ class TickSeries:
     relative_excess: FloatArray    # (t,)
     in_terminal_set: tuple[str, ...]
     last: Mapping[str, str]
+    devices: Mapping[str, Mapping[str, FloatArray]]  # quantity to name to values (t,)
 
     def __len__(self) -> int:
         """Return t."""
