@@ -15,9 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from manifold_mpc_ros.config import checks as checks
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 
 KINDS = ('keep_out', 'keep_in')
 # Attitudes that are tried to see whether cones leave any, and how many of them are improved.
@@ -59,8 +59,8 @@ class Cone:
     """
 
     name: str
-    axis_B: FloatArray
-    direction_N: FloatArray
+    axis_B: Array
+    direction_N: Array
     half_angle_rad: float
     kind: str = 'keep_out'
     group: str | None = None
@@ -88,7 +88,7 @@ class Cone:
         """1 for keep-out, -1 for keep-in: ``sign * (c - cos theta) <= 0`` where it is kept."""
         return 1.0 if self.kind == 'keep_out' else -1.0
 
-    def margins_rad(self, R_NB: Any, direction_N: Any = None) -> FloatArray:
+    def margins_rad(self, R_NB: Any, direction_N: Any = None) -> Array:
         """Map attitudes (..., 3, 3) to the angle (...) by which each keeps the cone [rad].
 
         Negative where the cone is violated. ``direction_N`` (..., 3) stands in for the cone's.
@@ -139,7 +139,7 @@ def groups(given: Sequence[Cone]) -> dict[str, list[Cone]]:
     return {name: [each for each in given if each.group == name] for name in names}
 
 
-def joined(given: Sequence[Cone], margins: FloatArray) -> dict[str, FloatArray]:
+def joined(given: Sequence[Cone], margins: Array) -> dict[str, Array]:
     """Map the margins (n, ...) of cones to those that have to be kept, by name.
 
     Of a cone by itself its own, of a group that of its best member.
@@ -201,7 +201,7 @@ def check_target(given: Sequence[Cone], key: str, target: str) -> None:
                 f'({np.degrees(-margin):.3g} degrees are missing, between samples included)')
 
 
-def directions(given: Sequence[Cone], directions_N: Any, horizon: int) -> FloatArray:
+def directions(given: Sequence[Cone], directions_N: Any, horizon: int) -> Array:
     """Map directions by name, (3,) or (N + 1, 3), to all cones' unit directions (N + 1, n, 3).
 
     Raises ConfigurationError for a name that no cone has, and what is no direction.
@@ -229,7 +229,7 @@ def best_margin_rad(given: Sequence[Cone]) -> float:
     The best attitudes of a grid, each improved by a pattern search; margins change by no more
     than the attitude turns.
     """
-    def least(R_NB: FloatArray) -> FloatArray:
+    def least(R_NB: Array) -> Array:
         margins = np.array([each.margins_rad(R_NB) for each in given])
         return np.min(list(joined(given, margins).values()), axis=0)
 
@@ -245,7 +245,7 @@ def best_margin_rad(given: Sequence[Cone]) -> float:
     return float(least(best).max())
 
 
-def between_samples(inertia_kg_m2: FloatArray, acceleration: float, rate_rad_s: float,
+def between_samples(inertia_kg_m2: Array, acceleration: float, rate_rad_s: float,
                     step_s: float) -> Between:
     """Bound the motion between samples at which |omega| is limited.
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from manifold_mpc_ros.config import checks as checks
-from manifold_mpc_ros.config.checks import CORNERS, FloatArray
+from manifold_mpc_ros.config.checks import CORNERS
 from manifold_mpc_ros.config.cones import (
     Between,
     Cone,
@@ -35,6 +35,7 @@ from manifold_mpc_ros.config.thrusters import ThrusterArray
 from manifold_mpc_ros.config.wheel_parameters import wheels_of
 from manifold_mpc_ros.config.wheels import WheelArray
 from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.lie.arrays import Array
 
 __all__ = ['AttitudeMpcConfig', 'SimulatorConfig', 'MAX_STEP_ANGLE_RAD']
 
@@ -111,22 +112,22 @@ class AttitudeMpcConfig:
 
     """
 
-    inertia_kg_m2: FloatArray
+    inertia_kg_m2: Array
     step_s: float
     horizon: int
-    attitude_weight: FloatArray
-    rate_weight: FloatArray
-    torque_weight: FloatArray
+    attitude_weight: Array
+    rate_weight: Array
+    torque_weight: Array
     terminal_scale: float = 0.1
-    max_torque_n_m: FloatArray | None = None
-    max_rate_rad_s: FloatArray | None = None
-    rate_ellipsoid_s2: FloatArray | None = None
+    max_torque_n_m: Array | None = None
+    max_rate_rad_s: Array | None = None
+    rate_ellipsoid_s2: Array | None = None
     max_rate_norm_rad_s: float | None = None
     max_kinetic_energy_j: float | None = None
     forcing: str = 'symmetric'
     terminal_constraint: bool = True
     target: str = 'attitude'
-    pointing_axis_B: FloatArray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    pointing_axis_B: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     pointing_weight: float = 2.0
     cones: Sequence[Cone] = ()
     wheels: WheelArray | None = None
@@ -163,19 +164,19 @@ class AttitudeMpcConfig:
             raise named_as_parameter(CONTROLLER_PARAMETERS, error) from None
 
     @property
-    def nonstandard_inertia(self) -> FloatArray:
+    def nonstandard_inertia(self) -> Array:
         """``J_d = tr(J)/2 I - J`` [kg m^2], the inertia that the LGVI step is written in."""
         return np.trace(self.inertia_kg_m2) / 2.0 * np.eye(3) - self.inertia_kg_m2
 
     @property
-    def error_weight(self) -> FloatArray:
+    def error_weight(self) -> Array:
         """The Q of ``tr(Q (I - g))``: Qg, or ``w b b^T`` for pointing."""
         if self.target == 'attitude':
             return self.attitude_weight
         return self.pointing_weight * np.outer(self.pointing_axis_B, self.pointing_axis_B)
 
     @property
-    def rate_ellipsoids_s2(self) -> FloatArray:
+    def rate_ellipsoids_s2(self) -> Array:
         """E (n, 3, 3) of every limit ``omega^T E omega <= 1`` [s^2]."""
         found = [] if self.rate_ellipsoid_s2 is None else list(self.rate_ellipsoid_s2)
         if self.max_rate_norm_rad_s is not None:
@@ -268,6 +269,6 @@ class AttitudeMpcConfig:
                 f'moment of inertia {smallest:.4g} kg m^2 (it is {reached:.4g})')
 
 
-def _finite_part(box: FloatArray | None) -> FloatArray:
+def _finite_part(box: Array | None) -> Array:
     """Return the limits with zero for the axes that have none."""
     return np.zeros(3) if box is None else np.where(np.isfinite(box), box, 0.0)

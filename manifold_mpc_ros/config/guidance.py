@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from manifold_mpc_ros.config import checks
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.orbit import EARTH_RADIUS_M
 from manifold_mpc_ros.config.parameter import ParameterSpec, Value, by_field
 from manifold_mpc_ros.config.tables import AUTOSTART, BOND_PERIOD, INERTIAL_FRAME, SECURE
 from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.lie.arrays import Array
 
 GUIDANCE_NAME = 'attitude_guidance'
 #: What to aim at; those that need an orbit, and whether it has to be above the ground.
@@ -88,9 +88,9 @@ class GuidanceConfig:
     """
 
     mode: str
-    axis_B: FloatArray
-    second_axis_B: FloatArray
-    attitude_xyzw: FloatArray
+    axis_B: Array
+    second_axis_B: Array
+    attitude_xyzw: Array
     spin_rate_rad_s: float
     latitude_deg: float
     longitude_deg: float

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 
 from manifold_mpc_ros.config import checks as checks
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.description import (
     PLAIN,
     SHIPPED_STATES,
@@ -33,6 +32,7 @@ from manifold_mpc_ros.config.tables import SIMULATOR_NAME, SIMULATOR_PARAMETERS
 from manifold_mpc_ros.config.thrusters import ThrusterArray
 from manifold_mpc_ros.config.wheel_parameters import WheelMotors
 from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.lie.arrays import Array
 
 #: The least time that a command stays in force, whatever the control period [s].
 SHORTEST_COMMAND_LIFE_S = 0.15
@@ -67,12 +67,12 @@ class SimulatorConfig:
     valid.
     """
 
-    inertia_kg_m2: FloatArray
+    inertia_kg_m2: Array
     step_s: float = 0.025
-    initial_attitude_xyzw: FloatArray = (0.0, 0.0, 1.0, 0.0)  # type: ignore[assignment]
-    initial_rate_rad_s: FloatArray = (0.0, 0.0, 0.0)  # type: ignore[assignment]
-    max_torque_n_m: FloatArray | None = None
-    disturbance_torque_n_m: FloatArray = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+    initial_attitude_xyzw: Array = (0.0, 0.0, 1.0, 0.0)  # type: ignore[assignment]
+    initial_rate_rad_s: Array = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+    max_torque_n_m: Array | None = None
+    disturbance_torque_n_m: Array = (0.0, 0.0, 0.0)  # type: ignore[assignment]
     actuation_delay_s: float = 0.0
     attitude_noise_std_rad: float = 0.0
     rate_noise_std_rad_s: float = 0.0
@@ -92,7 +92,7 @@ class SimulatorConfig:
     wheel_motors: WheelMotors | None = None
     orbit: CircularOrbit | None = None
     thrusters: ThrusterArray | None = None
-    thruster_off_from_s: FloatArray = math.inf  # type: ignore[assignment]
+    thruster_off_from_s: Array = math.inf  # type: ignore[assignment]
     state_sinks: Sequence[str] = SHIPPED_STATES
     command_source: str = PLAIN
     full_scale_torque_n_m: Sequence[float] = (np.inf,)

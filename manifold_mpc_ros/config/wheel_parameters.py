@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from manifold_mpc_ros.config import checks as checks
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.parameter import ParameterSpec, Value
 from manifold_mpc_ros.config.wheels import NULL_SPACES, WheelArray
 from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.lie.arrays import Array
 
 _KEY = 'actuators.wheels.'
 #: In a list of names: there is none.
@@ -102,13 +102,13 @@ class WheelMotors:
     """
 
     wheels: WheelArray
-    initial_speed_rad_s: FloatArray = 0.0  # type: ignore[assignment]
-    viscous_friction_n_m_s: FloatArray = 0.0  # type: ignore[assignment]
-    coulomb_friction_n_m: FloatArray = 0.0  # type: ignore[assignment]
-    static_friction_n_m: FloatArray = 0.0  # type: ignore[assignment]
-    stribeck_speed_rad_s: FloatArray = 1.0  # type: ignore[assignment]
-    dead_from_s: FloatArray = math.inf  # type: ignore[assignment]
-    stuck_from_s: FloatArray = math.inf  # type: ignore[assignment]
+    initial_speed_rad_s: Array = 0.0  # type: ignore[assignment]
+    viscous_friction_n_m_s: Array = 0.0  # type: ignore[assignment]
+    coulomb_friction_n_m: Array = 0.0  # type: ignore[assignment]
+    static_friction_n_m: Array = 0.0  # type: ignore[assignment]
+    stribeck_speed_rad_s: Array = 1.0  # type: ignore[assignment]
+    dead_from_s: Array = math.inf  # type: ignore[assignment]
+    stuck_from_s: Array = math.inf  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         """Check every number, and bring it to one a wheel."""
@@ -135,15 +135,15 @@ class WheelMotors:
                               for spec in MOTOR_PARAMETERS})
 
     @property
-    def inertia_kg_m2(self) -> FloatArray:
+    def inertia_kg_m2(self) -> Array:
         """Moments of inertia about the axes (n,) [kg m^2]."""
         assert self.wheels.inertia_kg_m2 is not None
         return self.wheels.inertia_kg_m2
 
     def net_torques(
-        self, command_n_m: FloatArray, speed_rad_s: FloatArray, momentum_n_m_s: FloatArray,
+        self, command_n_m: Array, speed_rad_s: Array, momentum_n_m_s: Array,
         time_s: float, step_s: float,
-    ) -> FloatArray:
+    ) -> Array:
         """Map motor commands (n,) to the torques (n,) about the axes over a step [N m].
 
         A motor gives no more than its torque, none beyond its momentum, none when it is dead;
@@ -163,7 +163,7 @@ class WheelMotors:
         friction = np.where(time_s >= self.stuck_from_s, np.inf, friction)
         return np.asarray(drive - np.sign(free) * np.minimum(friction, np.abs(free) * J / step_s))
 
-    def _friction(self, speed_rad_s: FloatArray) -> FloatArray:
+    def _friction(self, speed_rad_s: Array) -> Array:
         """Return the friction torques (n,) at speeds that are not negative [N m]."""
         beyond = np.maximum(self.static_friction_n_m - self.coulomb_friction_n_m, 0.0)
         with np.errstate(divide='ignore', invalid='ignore'):

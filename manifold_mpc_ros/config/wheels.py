@@ -21,9 +21,8 @@ from typing import Any
 import numpy as np
 
 from manifold_mpc_ros.config import checks as checks
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.errors import ConfigurationError
-from manifold_mpc_ros.lie.arrays import BoolArray
+from manifold_mpc_ros.lie.arrays import Array, BoolArray
 
 #: What motor torques that turn nothing are used for.
 NULL_SPACES = ('least_torque', 'away_from_zero', 'balanced')
@@ -35,15 +34,15 @@ LEAST_SPREAD = 1e-6
 class Zonotope:
     """The torques or momenta t (3,) with ``|n_f . t| <= bound_f``: normals (m, 3), bounds (m,)."""
 
-    normals: FloatArray
-    bounds: FloatArray
+    normals: Array
+    bounds: Array
 
-    def gauge(self, vector_B: FloatArray) -> float:
+    def gauge(self, vector_B: Array) -> float:
         """Return the least s with ``vector`` in s times the set: at most 1 inside."""
         return float(np.max(np.abs(self.normals @ vector_B) / self.bounds))
 
     @property
-    def box(self) -> FloatArray:
+    def box(self) -> Array:
         """Half widths (3,) of a box inside, in the proportions of the reach along body axes."""
         with np.errstate(divide='ignore'):
             reach = np.min(self.bounds[:, None] / np.abs(self.normals), axis=0)
@@ -79,11 +78,11 @@ class WheelArray:
 
     """
 
-    axes_B: FloatArray
-    max_torque_n_m: FloatArray
-    max_momentum_n_m_s: FloatArray
+    axes_B: Array
+    max_torque_n_m: Array
+    max_momentum_n_m_s: Array
     available: Any = None
-    inertia_kg_m2: FloatArray | None = None
+    inertia_kg_m2: Array | None = None
     null_space: str = 'least_torque'
     names: Sequence[str] = ()
 
@@ -132,7 +131,7 @@ class WheelArray:
         """
         return replace(self, available=self.available & ~failed)
 
-    def reported(self, momentum_n_m_s: Any) -> tuple[WheelArray, FloatArray]:
+    def reported(self, momentum_n_m_s: Any) -> tuple[WheelArray, Array]:
         """Map momenta (n,), NaN where one is not known, to the wheels that work, and momenta.
 
         None: all at rest. All wheels work where too few would be left.
@@ -157,17 +156,17 @@ class WheelArray:
         return len(spread) == 3 and bool(spread[-1] > LEAST_SPREAD)
 
     @cached_property
-    def matrix(self) -> FloatArray:
+    def matrix(self) -> Array:
         """W (3, n), its columns zero for wheels that are not available."""
         return np.asarray(np.where(self.available, self.axes_B.T, 0.0))
 
     @cached_property
-    def inverse(self) -> FloatArray:
+    def inverse(self) -> Array:
         """The pseudo-inverse (n, 3) of W."""
         return np.asarray(np.linalg.pinv(self.matrix))
 
     @cached_property
-    def null_basis(self) -> FloatArray:
+    def null_basis(self) -> Array:
         """An orthonormal basis (n, k - 3) of what k available wheels do without turning a body."""
         used = np.flatnonzero(self.available)
         basis = np.zeros((len(self), len(used) - 3))
@@ -175,12 +174,12 @@ class WheelArray:
         return basis
 
     @cached_property
-    def normals(self) -> FloatArray:
+    def normals(self) -> Array:
         """Unit normals (m, 3) of the facets of what the available wheels give, one of each pair.
 
         Each is orthogonal to two axes; parallel pairs give none, coplanar ones the same.
         """
-        found: list[FloatArray] = []
+        found: list[Array] = []
         for one, other in itertools.combinations(self.axes_B[self.available], 2):
             normal = np.cross(one, other)
             length = float(np.linalg.norm(normal))
@@ -190,7 +189,7 @@ class WheelArray:
                 found.append(normal / length)
         return checks.frozen(np.array(found))
 
-    def zonotope(self, limits: FloatArray) -> Zonotope:
+    def zonotope(self, limits: Array) -> Zonotope:
         """Return ``{W u: |u_i| <= limits_i}`` of limits (n,)."""
         return Zonotope(self.normals, np.abs(self.normals @ self.matrix) @ limits)
 
@@ -205,7 +204,7 @@ class WheelArray:
         return self.zonotope(self.max_momentum_n_m_s)
 
 
-def _axes(value: object) -> FloatArray:
+def _axes(value: object) -> Array:
     """Return axes (n, 3) of length 1."""
     valid = 'axes of three wheels or more, three numbers each, none of them zero'
     given = checks.array('wheels.axes_B', value, valid)

@@ -6,11 +6,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.control.command import Law
 from manifold_mpc_ros.control.input_gate import StateSample, to_ns
 from manifold_mpc_ros.control.modes import ACTING, Mode
 from manifold_mpc_ros.control.torque_history import TorqueHistory, moved_on
+from manifold_mpc_ros.lie.arrays import Array
 
 #: Torques sent are kept for the longest delay and so many steps.
 KEPT_STEPS = 6
@@ -47,7 +47,7 @@ class Anticipation:
         if self._law.observer is not None:
             self._law.observer.observe(sample, self._sent, self._acting_since_ns)
 
-    def send(self, time_ns: int, mode: Mode, realised_B_n_m: FloatArray) -> None:
+    def send(self, time_ns: int, mode: Mode, realised_B_n_m: Array) -> None:
         """Note the torque (3,) [N m] that is sent in a mode; our own are those of acting modes."""
         if mode not in ACTING:
             self._acting_since_ns = _NEVER_NS
@@ -57,7 +57,7 @@ class Anticipation:
         self._sent.record(time_ns, realised_B_n_m)
 
     @property
-    def disturbance_B_n_m(self) -> FloatArray | None:
+    def disturbance_B_n_m(self) -> Array | None:
         """The torque (3,) [N m] that acts unasked, None where nobody looks for one."""
         return None if self._law.observer is None else self._law.observer.compensated_B_n_m
 
@@ -68,14 +68,14 @@ class Anticipation:
         return to_ns(law.actuation_delay_s if law.observer is None else law.observer.delay.delay_s)
 
     @property
-    def known_disturbance_B_n_m(self) -> FloatArray:
+    def known_disturbance_B_n_m(self) -> Array:
         """The torque that acts unasked, zero where nobody looks for one."""
         known = self.disturbance_B_n_m
         return np.zeros(3) if known is None else known
 
     def state_when_acting(
         self, sample: StateSample, time_ns: int, age_ns: int,
-    ) -> tuple[FloatArray, FloatArray]:
+    ) -> tuple[Array, Array]:
         """Return attitude and rate when a torque that is sent at ``time_ns`` begins to act.
 
         The state is moved on by its age and the actuation delay, under the torques that were

@@ -7,7 +7,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.control.actuator import Actuation
 from manifold_mpc_ros.control.consistency import MotionBounds
@@ -16,6 +15,7 @@ from manifold_mpc_ros.control.decrease_record import DecreaseRecord
 from manifold_mpc_ros.control.modes import Mode
 from manifold_mpc_ros.control.response.observer import ResponseObserver
 from manifold_mpc_ros.control.solver_thread import SolverRunner
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution
 
 
@@ -36,7 +36,7 @@ class Command:
     decrease: DecreaseRecord | None = None
 
     @property
-    def torque_B_n_m(self) -> FloatArray:
+    def torque_B_n_m(self) -> Array:
         """The body torque (3,) that is asked of the actuator [N m]."""
         return self.actuation.torque_B_n_m
 

@@ -21,11 +21,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.cones import Cone, joined
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.rate_limits import rates_beyond
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
+from manifold_mpc_ros.lie.arrays import Array
 
 #: The time constant of braking, in steps.
 BRAKING_STEPS = 4.0
@@ -40,8 +40,8 @@ _DIRECTIONS = np.array([d for d in np.ndindex(3, 3, 3) if d != (1, 1, 1)]) - 1.0
 class _Stops(NamedTuple):
     """Torques (n, 3) [N m] and for how many steps (n,) each lasts before the body brakes."""
 
-    torques_B_n_m: FloatArray
-    steps: FloatArray
+    torques_B_n_m: Array
+    steps: Array
 
 
 class ConeGuard:
@@ -62,8 +62,8 @@ class ConeGuard:
         """Forget the stop that was begun."""
         self._rest = _Stops(np.zeros((1, 3)), np.zeros(1))
 
-    def allows(self, R_NB: FloatArray, omega_BN_B: FloatArray, torque_B_n_m: FloatArray,
-               directions_N: Mapping[str, FloatArray], *, relaxed: bool) -> bool:
+    def allows(self, R_NB: Array, omega_BN_B: Array, torque_B_n_m: Array,
+               directions_N: Mapping[str, Array], *, relaxed: bool) -> bool:
         """Return whether to stop after a step of a torque costs nothing, or no more than at once.
 
         ``relaxed``: by the cones as they are given, for a plan that could not keep the tightened
@@ -74,8 +74,8 @@ class ConeGuard:
             directions_N, self._config.cones if relaxed else self._cones)
         return bool(torque <= max(EQUAL_RAD, brake))
 
-    def keep(self, R_NB: FloatArray, omega_BN_B: FloatArray, torque_B_n_m: FloatArray,
-             directions_N: Mapping[str, FloatArray]) -> FloatArray:
+    def keep(self, R_NB: Array, omega_BN_B: Array, torque_B_n_m: Array,
+             directions_N: Mapping[str, Array]) -> Array:
         """Map the torque that is wanted to that of the best stop (3,) [N m]."""
         stops = _Stops(torque_B_n_m[None], np.ones(1))
         costs = self._costs(R_NB, omega_BN_B, stops, directions_N, self._cones)
@@ -89,8 +89,8 @@ class ConeGuard:
         self._rest = _Stops(chosen.torques_B_n_m, chosen.steps - 1.0)
         return self._torques(omega_BN_B[None], chosen, 0)[0]
 
-    def _costs(self, R_NB: FloatArray, omega_BN_B: FloatArray, stops: _Stops,
-               directions_N: Mapping[str, FloatArray], cones: Sequence[Cone]) -> FloatArray:
+    def _costs(self, R_NB: Array, omega_BN_B: Array, stops: _Stops,
+               directions_N: Mapping[str, Array], cones: Sequence[Cone]) -> Array:
         """Return the cost of each stop (n,) by these cones [rad]."""
         n = len(stops.steps)
         R, omega = np.tile(R_NB, (n, 1, 1)), np.tile(omega_BN_B, (n, 1))
@@ -108,7 +108,7 @@ class ConeGuard:
             cost += inside
         return cost
 
-    def _torques(self, omega_BN_B: FloatArray, stops: _Stops, step: int) -> FloatArray:
+    def _torques(self, omega_BN_B: Array, stops: _Stops, step: int) -> Array:
         """Return the torques (n, 3) [N m] of a step at rates (n, 3) [rad/s]."""
         brake = omega_BN_B @ self._braking
         brake *= -1.0 / np.maximum(1.0, np.max(np.abs(brake) / self._limit, axis=1))[:, None]

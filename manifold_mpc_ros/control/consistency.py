@@ -26,12 +26,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample
 from manifold_mpc_ros.dynamics.inertia import principal_moments
 from manifold_mpc_ros.lie import so3
-from manifold_mpc_ros.lie.arrays import BoolArray
+from manifold_mpc_ros.lie.arrays import Array, BoolArray
 
 #: So many contradictions by the same convention, less the comparisons between that agree, latch.
 MOST_CONTRADICTIONS = 4
@@ -61,7 +60,7 @@ class Convention:
     """A way to read a state: w = M omega, or w = M R_NB^T omega where ``inertial``."""
 
     words: str
-    matrix: FloatArray
+    matrix: Array
     inertial: bool = False
 
 
@@ -135,7 +134,7 @@ class MotionBounds:
         shortest_s = max(COMPARED_STEPS * self.step_s, SHORTEST_COMPARED_S)
         return shortest_s, max(LONGEST_COMPARED_STEPS * self.step_s, 2.0 * shortest_s)
 
-    def allowed(self, seen: _Window, elapsed_s: float) -> FloatArray:
+    def allowed(self, seen: _Window, elapsed_s: float) -> Array:
         """Return how far a true state may disagree, by convention [rad/s]."""
         fastest, change = _SCALES * seen.fastest, _SCALES * seen.change
         possible = self._possible(seen)
@@ -144,13 +143,13 @@ class MotionBounds:
             accelerated + fastest * change * elapsed_s / 6.0 + RATE_PART * fastest
             + 2.0 * self.noise_rad * (1.0 / elapsed_s + 1.0 / self.step_s))
 
-    def beyond_torque(self, seen: _Window) -> FloatArray:
+    def beyond_torque(self, seen: _Window) -> Array:
         """Return by how much the rate changed more than any torque does, by convention [rad/s]."""
         possible = self._possible(seen)
         return np.maximum(0.0, _SCALES * seen.change - np.where(
             np.isfinite(possible), possible, 0.0))
 
-    def _possible(self, seen: _Window) -> FloatArray:
+    def _possible(self, seen: _Window) -> Array:
         """Return the largest change of the rate between two states, by convention [rad/s]."""
         gyroscopic = self.gyroscopic * (_SCALES * seen.fastest) ** 2
         return np.asarray((self.acceleration_rad_s2 + gyroscopic) * seen.longest_s)
@@ -205,7 +204,7 @@ class ConsistencyCheck:
         self._agreeing = np.zeros(len(CONVENTIONS), dtype=np.bool_)
         self._squares = np.zeros(len(CONVENTIONS))
         self._unexplained_rad: deque[float] = deque(maxlen=NOISE_COMPARISONS)
-        self._jumps_rad_s: deque[FloatArray] = deque(maxlen=NOISE_COMPARISONS)
+        self._jumps_rad_s: deque[Array] = deque(maxlen=NOISE_COMPARISONS)
         self._sentence, self._large, self._likely, self._early = '', False, False, True
 
     @property
@@ -269,7 +268,7 @@ class ConsistencyCheck:
         else:
             self._count = max(0, self._count - 1)
 
-    def _contradict(self, explaining: BoolArray, angles: FloatArray, elapsed_s: float) -> None:
+    def _contradict(self, explaining: BoolArray, angles: Array, elapsed_s: float) -> None:
         """Count a contradiction, anew where no convention explains all of them."""
         residuals = angles / elapsed_s
         again = self._count > 0 and bool((explaining & self._agreeing).any())
@@ -288,6 +287,6 @@ class ConsistencyCheck:
                           f'they would agree if {words}')
 
 
-def _in_both_frames(sample: StateSample) -> FloatArray:
+def _in_both_frames(sample: StateSample) -> Array:
     """Return omega_BN_B and R_NB^T omega_BN_B (2, 3)."""
     return np.stack([sample.omega_BN_B, sample.R_NB.T @ sample.omega_BN_B])

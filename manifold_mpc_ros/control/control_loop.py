@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.control.actuator import Actuation, Actuator, TorqueActuator
 from manifold_mpc_ros.control.anticipation import Anticipation
@@ -35,6 +34,7 @@ from manifold_mpc_ros.control.steady_error import SteadyError
 from manifold_mpc_ros.control.target import FixedTarget, Target, goes_on
 from manifold_mpc_ros.control.tick_time import TickTime
 from manifold_mpc_ros.errors import StepExistenceError
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 
 #: Where a torque comes from, by mode; the others command zero.
@@ -70,7 +70,7 @@ class ControlLoop:
     ) -> None:
         """Start without a state, at the initial setpoint."""
         self._hold = initial_setpoint == 'hold'
-        self.directions_N: Mapping[str, FloatArray] = {}
+        self.directions_N: Mapping[str, Array] = {}
         self._make_actuator = make_actuator
         self.gate = gate
         self.logic = ModeLogic(to_ns(law.config.step_s), to_ns(law.timeout_s))
@@ -158,7 +158,7 @@ class ControlLoop:
         self.target = target
         self.commanded = True
 
-    def direct(self, name: str, direction_N: FloatArray) -> None:
+    def direct(self, name: str, direction_N: Array) -> None:
         """Take the unit direction (3,) of a cone; plans before one that jumps bound no value."""
         jump = float(np.linalg.norm(direction_N - self.directions_N.get(name, direction_N)))
         if jump > DIRECTION_JUMP_RAD:
@@ -253,7 +253,7 @@ class ControlLoop:
         return offer
 
     def _actuate(
-        self, decision: Decision, held_B_n_m: FloatArray | None, time_ns: int, age_ns: int,
+        self, decision: Decision, held_B_n_m: Array | None, time_ns: int, age_ns: int,
     ) -> Actuation:
         """Return what the actuator is commanded in a mode."""
         mode = decision.mode
@@ -267,7 +267,7 @@ class ControlLoop:
         assert held_B_n_m is not None
         return self.output.let_through(held_B_n_m)
 
-    def _fall_back(self, time_ns: int, age_ns: int) -> FloatArray:
+    def _fall_back(self, time_ns: int, age_ns: int) -> Array:
         """Return the torque of the fallback law for the state when it acts, else the latest."""
         assert self.sample is not None
         assert self.target is not None

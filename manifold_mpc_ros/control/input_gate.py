@@ -15,8 +15,8 @@ from enum import Enum
 
 import numpy as np
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 
 Quaternion = tuple[float, float, float, float]
 Vector = tuple[float, float, float]
@@ -91,8 +91,8 @@ class StateSample:
     """
 
     stamp_ns: int
-    R_NB: FloatArray
-    omega_BN_B: FloatArray
+    R_NB: Array
+    omega_BN_B: Array
     received_ns: int | None = None
 
 
@@ -177,7 +177,7 @@ class StateGate:
 
 def admit_setpoint(
     frame_id: str | None, quaternion_xyzw: Quaternion, inertial_frame_id: str,
-) -> FloatArray | Refusal:
+) -> Array | Refusal:
     """Return the commanded attitude R_ND of a setpoint, or why it must not be used."""
     refusal = (_wrong_frame(frame_id, inertial_frame_id, 'inertial')
                or _bad_quaternion(quaternion_xyzw))
@@ -186,7 +186,7 @@ def admit_setpoint(
 
 def admit_direction(
     frame_id: str, direction_N: Vector, inertial_frame_id: str,
-) -> FloatArray | Refusal:
+) -> Array | Refusal:
     """Return the commanded direction as a unit vector, or why it must not be used.
 
     Any length will do that has a direction: a vector to a target is one, the zero vector is none.
@@ -204,7 +204,7 @@ def admit_direction(
 
 def admit_torque(
     frame_id: str | None, torque_B: Vector, body_frame_id: str,
-) -> FloatArray | Refusal:
+) -> Array | Refusal:
     """Return the body torque [N m] of a command at the plant, or why it must not be used."""
     refusal = (_wrong_frame(frame_id, body_frame_id, 'body')
                or not_finite(torque_B, 'torque'))
@@ -251,7 +251,7 @@ def _bad_quaternion(quaternion_xyzw: Quaternion) -> Refusal | None:
     return refusal
 
 
-def _rotation(quaternion_xyzw: Quaternion) -> FloatArray:
+def _rotation(quaternion_xyzw: Quaternion) -> Array:
     """Return the rotation of a quaternion x, y, z, w; q and -q give the same bits."""
     x, y, z, w = quaternion_xyzw
     return so3.rotation_from_quaternion([w, x, y, z])

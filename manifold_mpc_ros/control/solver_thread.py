@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.reference import Reference
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 
@@ -31,14 +31,14 @@ class SolveRequest:
     """
 
     time_ns: int
-    R_NB: FloatArray
-    omega_BN_B: FloatArray
-    R_ND: FloatArray
+    R_NB: Array
+    omega_BN_B: Array
+    R_ND: Array
     cold: bool
     epoch: int = 0
-    disturbance_B_n_m: FloatArray | None = None
-    directions_N: Mapping[str, FloatArray] = field(default_factory=dict)
-    wheel_momentum_n_m_s: FloatArray | None = None
+    disturbance_B_n_m: Array | None = None
+    directions_N: Mapping[str, Array] = field(default_factory=dict)
+    wheel_momentum_n_m_s: Array | None = None
     reference: Reference | None = None
 
 
@@ -71,8 +71,8 @@ class Solver(Protocol):
     """What is needed of `AttitudeMpc`."""
 
     def solve(
-        self, R_NB: FloatArray, omega_BN_B: FloatArray, R_ND: FloatArray | None = None, *,
-        disturbance_B_n_m: FloatArray | None = None, max_solve_time_s: float | None = None,
+        self, R_NB: Array, omega_BN_B: Array, R_ND: Array | None = None, *,
+        disturbance_B_n_m: Array | None = None, max_solve_time_s: float | None = None,
     ) -> AttitudeMpcSolution:
         """Return the optimal torques from a measured state to the commanded attitude."""
 

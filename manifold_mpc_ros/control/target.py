@@ -9,8 +9,8 @@ from typing import Protocol
 
 import numpy as np
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.program.options import SETPOINT_MOVED_RAD
 from manifold_mpc_ros.mpc.reference import Reference
 
@@ -20,7 +20,7 @@ class Target(Protocol):
 
     moves: bool
 
-    def at(self, time_ns: int) -> tuple[FloatArray, FloatArray]:
+    def at(self, time_ns: int) -> tuple[Array, Array]:
         """Return R_ND (3, 3) and omega_DN_D (3,) [rad/s] at a time [ns]."""
 
     def over_horizon(self, time_ns: int, step_s: float, steps: int) -> Reference | None:
@@ -34,10 +34,10 @@ class Target(Protocol):
 class FixedTarget:
     """The attitude R_ND (3, 3)."""
 
-    R_ND: FloatArray
+    R_ND: Array
     moves = False
 
-    def at(self, _time_ns: int) -> tuple[FloatArray, FloatArray]:
+    def at(self, _time_ns: int) -> tuple[Array, Array]:
         """Return it, at rest."""
         return self.R_ND, np.zeros(3)
 

@@ -10,10 +10,10 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
+from manifold_mpc_ros.lie.arrays import Array
 
 _NONE = np.zeros(3)
 
@@ -31,9 +31,9 @@ class TorqueHistory:
     def __init__(self, kept_ns: int) -> None:
         """Start with no torque sent."""
         self.kept_ns = kept_ns
-        self._sent: deque[tuple[int, FloatArray]] = deque()
+        self._sent: deque[tuple[int, Array]] = deque()
 
-    def record(self, time_ns: int, torque_B_n_m: FloatArray) -> None:
+    def record(self, time_ns: int, torque_B_n_m: Array) -> None:
         """Note that a torque (3,) [N m] was sent; what was sent later than now is void."""
         while self._sent and self._sent[-1][0] >= time_ns:
             self._sent.pop()
@@ -41,7 +41,7 @@ class TorqueHistory:
         while len(self._sent) > 1 and self._sent[1][0] <= time_ns - self.kept_ns:
             self._sent.popleft()
 
-    def between(self, begin_ns: int, end_ns: int) -> Iterator[tuple[int, FloatArray]]:
+    def between(self, begin_ns: int, end_ns: int) -> Iterator[tuple[int, Array]]:
         """Return the torques (3,) [N m] from begin to end, each with its duration [ns]."""
         torque = _NONE
         for sent_ns, following in self._sent:
@@ -53,7 +53,7 @@ class TorqueHistory:
         if begin_ns < end_ns:
             yield end_ns - begin_ns, torque
 
-    def impulses(self, begins_s: FloatArray, lasting_s: float, epoch_ns: int) -> FloatArray:
+    def impulses(self, begins_s: Array, lasting_s: float, epoch_ns: int) -> Array:
         """Return the impulses (n, 3) [N m s] over windows of this length, begun after an epoch."""
         if not self._sent:
             return np.zeros((len(begins_s), 3))
@@ -67,9 +67,9 @@ class TorqueHistory:
 
 
 def moved_on(
-    R_NB: FloatArray, omega_BN_B: FloatArray, torques: Iterable[tuple[int, FloatArray]],
+    R_NB: Array, omega_BN_B: Array, torques: Iterable[tuple[int, Array]],
     config: AttitudeMpcConfig,
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[Array, Array]:
     """Return attitude and rate [rad/s] after torques (3,) [N m], each with its duration [ns].
 
     LGVI steps, none longer than that of the controller.

@@ -20,8 +20,8 @@ from copy import copy
 import numpy as np
 from scipy.optimize import linprog
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.wheels import WheelArray
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.lie.so3 import hat
 
 # Wheels apart by this part of their capacity keep from zero speed.
@@ -53,8 +53,8 @@ class WheelAllocation:
 
     """
 
-    def __init__(self, wheels: WheelArray, inertia_kg_m2: FloatArray, step_s: float,
-                 omega_BN_B: FloatArray, momentum_n_m_s: FloatArray, torque_B_n_m: FloatArray,
+    def __init__(self, wheels: WheelArray, inertia_kg_m2: Array, step_s: float,
+                 omega_BN_B: Array, momentum_n_m_s: Array, torque_B_n_m: Array,
                  ) -> None:
         """Find the turn of the step, and the limits of motors: their own, and of momentum."""
         self._wheels, self._h, self._momentum = wheels, step_s, momentum_n_m_s
@@ -69,12 +69,12 @@ class WheelAllocation:
         self.low = -np.clip((room + momentum_n_m_s) / step_s, least, top) * wheels.available
         self.high = np.clip((room - momentum_n_m_s) / step_s, least, top) * wheels.available
 
-    def demand(self, part: float = 1.0) -> FloatArray:
+    def demand(self, part: float = 1.0) -> Array:
         """Return the ``W u`` (3,) that gives this part of the torque [N m]."""
         return np.asarray(np.linalg.solve(
             self._turned, -part * self._torque - self._gyroscopic))
 
-    def realised(self, motor_n_m: FloatArray) -> FloatArray:
+    def realised(self, motor_n_m: Array) -> Array:
         """Map motor torques (n,) to the body torque (3,) that they give [N m]."""
         return -self._gyroscopic - self._turned @ (self._wheels.matrix @ motor_n_m)
 
@@ -95,13 +95,13 @@ class WheelAllocation:
         beyond = least > most or bool((room[slope == 0.0] < 0.0).any())
         return 0.0 if beyond else float(most)
 
-    def _facets(self) -> tuple[FloatArray, FloatArray]:
+    def _facets(self) -> tuple[Array, Array]:
         """Return ``n . W centre`` and the reach from it, of every facet normal n."""
         normals, W = self._wheels.normals, self._wheels.matrix
         along = normals @ W
         return (along @ (self.low + self.high)) / 2, np.abs(along) @ (self.high - self.low) / 2
 
-    def motor_torques(self, part: float = 1.0) -> FloatArray:
+    def motor_torques(self, part: float = 1.0) -> Array:
         """Return motor torques (n,) within their limits for this part of the torque [N m].
 
         ``W u`` is the demand to rounding where it is among what the wheels can give, else in its
@@ -116,7 +116,7 @@ class WheelAllocation:
             return motor
         return motor + self._null_motion(motor)
 
-    def _least(self, demand: FloatArray) -> FloatArray:
+    def _least(self, demand: Array) -> Array:
         """Return u with ``W u = demand`` and the least s of ``s low <= u <= s high``."""
         W, n = self._wheels.matrix, len(self._wheels)
         used = np.flatnonzero(self._wheels.available)
@@ -139,7 +139,7 @@ class WheelAllocation:
         motor[used] = scale * found.x[:k]
         return motor + self._wheels.inverse @ (demand - W @ motor)
 
-    def _least_of_line(self, motor: FloatArray, line: FloatArray) -> FloatArray:
+    def _least_of_line(self, motor: Array, line: Array) -> Array:
         """Return the least of ``motor + y line``: the lowest crossing of its linear pieces."""
         used = self._wheels.available
         limits = np.concatenate([self.high[used], self.low[used]])
@@ -150,7 +150,7 @@ class WheelAllocation:
         largest = np.max(begin + np.multiply.outer(y, slope), axis=1)
         return motor + float(y[np.argmin(largest)]) * line
 
-    def _null_motion(self, motor: FloatArray) -> FloatArray:
+    def _null_motion(self, motor: Array) -> Array:
         """Return motor torques (n,) that turn nothing and lead momenta to where they belong.
 
         As far as the limits leave room beside ``motor``.
@@ -166,7 +166,7 @@ class WheelAllocation:
             room = np.where(change > 0.0, self.high - motor, self.low - motor) / change
         return change * float(np.clip(np.min(room, where=change != 0.0, initial=1.0), 0.0, 1.0))
 
-    def _apart(self, basis: FloatArray) -> FloatArray:
+    def _apart(self, basis: Array) -> Array:
         """Return momenta (n,) that turn nothing, all of them far from zero, on the side of now."""
         used, room = self._wheels.available, self._wheels.max_momentum_n_m_s
         ratios = [basis @ np.array(signs) / room for signs in itertools.product(
@@ -175,7 +175,7 @@ class WheelAllocation:
         side = -1.0 if float(apart @ self._momentum) < 0.0 else 1.0
         return np.asarray(side * _BIAS / np.abs(apart).max() * apart * room)
 
-    def _balanced(self) -> FloatArray:
+    def _balanced(self) -> Array:
         """Return momenta (n,) of the same sum, the largest relative one the least possible."""
         wheels = self._wheels
         still = copy(self)

@@ -14,17 +14,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.dynamics import scalar_form as form
 from manifold_mpc_ros.dynamics.lgvi import NEWTON_ITERATIONS, NEWTON_TOLERANCE
 from manifold_mpc_ros.dynamics.scalar_form import Matrix, Vector
 from manifold_mpc_ros.errors import StepExistenceError
+from manifold_mpc_ros.lie.arrays import Array
 
 
 def wheel_step(
-    R_NB: FloatArray, omega_BN_B: FloatArray, stored_B: FloatArray, motor_B: FloatArray,
-    external_B: FloatArray, *, inertia_kg_m2: FloatArray, step_s: float,
-) -> tuple[FloatArray, FloatArray]:
+    R_NB: Array, omega_BN_B: Array, stored_B: Array, motor_B: Array,
+    external_B: Array, *, inertia_kg_m2: Array, step_s: float,
+) -> tuple[Array, Array]:
     """Advance attitude (3, 3) and body rate (3,) [rad/s] of a body whose wheels change momentum.
 
     ``stored_B`` is W h_w (3,) [N m s] at the begin, ``motor_B`` W u (3,) [N m] and ``external_B``

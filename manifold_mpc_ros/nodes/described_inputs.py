@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.description import command_description, setpoint_description
 from manifold_mpc_ros.config.interfaces import message_class, named_by
 from manifold_mpc_ros.control.described.command import CommandWriter
@@ -19,6 +18,7 @@ from manifold_mpc_ros.control.described.fields import WRONG_FIELD, stamp_at, val
 from manifold_mpc_ros.control.described.source import check_part, read_part
 from manifold_mpc_ros.control.input_gate import Reason, Refusal, admit_setpoint, admit_torque
 from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.lie.arrays import Array
 
 
 class DescribedSetpoint:
@@ -32,7 +32,7 @@ class DescribedSetpoint:
             self.kind = message_class(self._part.message_type, self._part.install)
             check_part(self._part, self.kind())
 
-    def admit(self, message: Any) -> FloatArray | Refusal:
+    def admit(self, message: Any) -> Array | Refusal:
         """Return the commanded attitude R_ND (3, 3) of a message, or why it must not be used."""
         try:
             read = read_part(self._part, message, 0)
@@ -61,7 +61,7 @@ class DescribedTorque:
             self.kind = message_class(torques[0].message_type, torques[0].install)
             self._writer.check(self.kind())
 
-    def admit(self, message: Any) -> FloatArray | Refusal:
+    def admit(self, message: Any) -> Array | Refusal:
         """Return the body torque (3,) [N m] of a message, or why it must not be used."""
         frame = self._writer.described.body_frame_id
         try:

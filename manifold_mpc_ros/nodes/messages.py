@@ -12,9 +12,9 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point, PoseStamped, Quaternion, Vector3, WrenchStamped
 from nav_msgs.msg import Path
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, to_ns
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 
 
 def nanoseconds(stamp: Time) -> int:
@@ -33,13 +33,13 @@ def quaternion_values(quaternion: Quaternion) -> tuple[float, float, float, floa
     return (quaternion.x, quaternion.y, quaternion.z, quaternion.w)
 
 
-def to_quaternion(R: FloatArray) -> Quaternion:
+def to_quaternion(R: Array) -> Quaternion:
     """Return a rotation matrix as a quaternion message, w >= 0."""
     w, x, y, z = map(float, so3.quaternion_from_rotation(R))
     return Quaternion(x=x, y=y, z=z, w=w)
 
 
-def to_torque(stamp_ns: int, torque_B: FloatArray, body_frame_id: str) -> WrenchStamped:
+def to_torque(stamp_ns: int, torque_B: Array, body_frame_id: str) -> WrenchStamped:
     """Return a body torque as a wrench without force."""
     message = WrenchStamped()
     message.header.stamp = to_stamp(stamp_ns)
@@ -53,15 +53,15 @@ def vector_values(vector: Vector3) -> tuple[float, float, float]:
     return (vector.x, vector.y, vector.z)
 
 
-def to_vector(values: FloatArray) -> Vector3:
+def to_vector(values: Array) -> Vector3:
     """Return three numbers as a vector message."""
     x, y, z = map(float, values)
     return Vector3(x=x, y=y, z=z)
 
 
 def to_path(
-    stamp_ns: int, step_s: float, attitudes: FloatArray, inertial_frame_id: str,
-    axis_B: Sequence[float] | FloatArray = (1.0, 0.0, 0.0),
+    stamp_ns: int, step_s: float, attitudes: Array, inertial_frame_id: str,
+    axis_B: Sequence[float] | Array = (1.0, 0.0, 0.0),
 ) -> Path:
     """Return predicted attitudes (N+1, 3, 3) as poses with the stamps they are predicted for.
 

@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.control_law import SimulatorConfig
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample, to_ns
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.sim.plant import Plant
 from manifold_mpc_ros.sim.thruster_plant import ThrusterPlant
 from manifold_mpc_ros.sim.wheel_plant import WheelPlant
@@ -72,7 +72,7 @@ class PlantLoop:
         self.latched = ''
         self.release()
 
-    def command(self, torque_B_n_m: FloatArray) -> None:
+    def command(self, torque_B_n_m: Array) -> None:
         """Put a torque in force [N m], until the next one or the end of its life."""
         if self.latched:
             return
@@ -105,7 +105,7 @@ class PlantLoop:
         return StateSample(self.stamp_ns, R_NB, omega_BN_B)
 
     @property
-    def wheel_speed_rad_s(self) -> FloatArray | None:
+    def wheel_speed_rad_s(self) -> Array | None:
         """Speeds of the wheels about their axes, in the body (n,) [rad/s], None without wheels."""
         return self._plant.speed_rad_s if isinstance(self._plant, WheelPlant) else None
 

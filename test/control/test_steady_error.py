@@ -14,20 +14,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scripted import CONFIG, SAMPLE, STEP_NS, Script, loop_with
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.control.control_loop import ControlLoop
 from manifold_mpc_ros.control.steady_error import SteadyError
 from manifold_mpc_ros.control.target import FixedTarget
 from manifold_mpc_ros.control.tick_time import LOCKSTEP
 from manifold_mpc_ros.lab.recording.bags.run import read_run
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 
 LEAST_RAD = 0.005
 HORIZON = 20
 FEW = settings(max_examples=15, deadline=None)  # each is hundreds of ticks
 
 
-def first_warned(errors_rad: FloatArray, horizon: int = HORIZON) -> int | None:
+def first_warned(errors_rad: Array, horizon: int = HORIZON) -> int | None:
     """Return the tick, from 1, at which the first warning came."""
     watch = SteadyError(dataclasses.replace(CONFIG, horizon=horizon), LEAST_RAD)
     for tick, error in enumerate(map(float, errors_rad), start=1):

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.guidance import ORBITING, GuidanceConfig
 from manifold_mpc_ros.control.guidance.orbit import (
     Orbit,
@@ -16,6 +15,7 @@ from manifold_mpc_ros.control.guidance.orbit import (
     sun_direction_N,
 )
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 
 #: Rates and accelerations are differences over so much time [ns].
 DIFFERENCE_NS = 10**8
@@ -35,7 +35,7 @@ class Guidance:
         x, y, z, w = config.attitude_xyzw
         self._R_0 = so3.rotation_from_quaternion([w, x, y, z])
 
-    def points(self, times_ns: Times) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def points(self, times_ns: Times) -> tuple[Array, Array, Array]:
         """Map times (m,) [ns since 1970] to R_ND (m, 3, 3), omega_DN_D and alpha_DN_D (m, 3).
 
         Central differences of the attitude, in the axes of the target [rad/s, rad/s^2].
@@ -46,7 +46,7 @@ class Guidance:
         second = so3.log(np.swapaxes(now, 1, 2) @ after) / d
         return now, 0.5 * (first + second), (second - first) / d
 
-    def attitudes(self, times_ns: Times) -> FloatArray:
+    def attitudes(self, times_ns: Times) -> Array:
         """Map times (m,) [ns since 1970] to attitudes R_ND (m, 3, 3)."""
         config = self._config
         if config.mode == 'inertial':
@@ -59,13 +59,13 @@ class Guidance:
         return _axes(along, second) @ _axes(
             config.axis_B[None], config.second_axis_B[None])[0].T
 
-    def elevation_rad(self, times_ns: Times) -> FloatArray:
+    def elevation_rad(self, times_ns: Times) -> Array:
         """Return how high above the target's horizon the spacecraft is (m,)."""
         assert self._orbit is not None
         place, target = self._orbit(times_ns), ground_N_m(self._config, times_ns)
         return np.arcsin(np.sum(_unit(place - target) * _unit(target), axis=1))
 
-    def _directions(self, times_ns: Times) -> tuple[FloatArray, FloatArray]:
+    def _directions(self, times_ns: Times) -> tuple[Array, Array]:
         """Return where the axis points and where the second one is turned to (m, 3)."""
         if self._orbit is None:
             sun = sun_direction_N(times_ns)
@@ -80,12 +80,12 @@ class Guidance:
         return ground_N_m(self._config, times_ns) - place, velocity
 
 
-def _unit(vectors: FloatArray) -> FloatArray:
+def _unit(vectors: Array) -> Array:
     """Return vectors (m, 3) of length 1."""
     return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
 
 
-def _axes(first: FloatArray, second: FloatArray) -> FloatArray:
+def _axes(first: Array, second: Array) -> Array:
     """Return the rotations (m, 3, 3) whose columns are first, its normal with second, the rest."""
     one, normal = _unit(first), _unit(np.cross(first, second))
     return np.stack([one, normal, np.cross(one, normal)], axis=2)

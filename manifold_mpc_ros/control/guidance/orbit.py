@@ -15,14 +15,14 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.guidance import GuidanceConfig
 from manifold_mpc_ros.config.orbit import EARTH_GM_M3_S2, EARTH_RADIUS_M
 from manifold_mpc_ros.errors import ConfigurationError, ManifoldMpcError
+from manifold_mpc_ros.lie.arrays import Array
 
 Times = NDArray[np.int64]
 #: Maps times (n,) [ns since 1970] to places (n, 3) [m].
-Orbit = Callable[[Times], FloatArray]
+Orbit = Callable[[Times], Array]
 
 _DAY_NS = 86_400 * 10**9
 #: 2000-01-01 12:00 UTC [ns since 1970], and its Julian date.
@@ -49,7 +49,7 @@ def orbit_of(config: GuidanceConfig) -> Orbit:
     except ValueError as error:
         raise ConfigurationError('orbit.tle', config.tle, f'a TLE ({error})') from None
 
-    def places(times_ns: Times) -> FloatArray:
+    def places(times_ns: Times) -> Array:
         days, rest = np.divmod(times_ns - _J2000_NS, _DAY_NS)
         error, position_km, _ = satellite.sgp4_array(_J2000_JD + days, rest / _DAY_NS)
         if error.any():
@@ -60,7 +60,7 @@ def orbit_of(config: GuidanceConfig) -> Orbit:
     return places
 
 
-def _kepler(config: GuidanceConfig, times_ns: Times) -> FloatArray:
+def _kepler(config: GuidanceConfig, times_ns: Times) -> Array:
     """Return the places (n, 3) [m] of an ellipse: ``M = E - e sin E``, by Newton's method."""
     a, e = config.semi_major_axis_m, config.eccentricity
     since_s = (times_ns - round(config.epoch_s * 1e9)) / 1e9
@@ -79,7 +79,7 @@ def _kepler(config: GuidanceConfig, times_ns: Times) -> FloatArray:
                            + (math.sqrt(1.0 - e * e) * np.sin(E))[:, None] * across))
 
 
-def sun_direction_N(times_ns: Times) -> FloatArray:
+def sun_direction_N(times_ns: Times) -> Array:
     """Return unit vectors (n, 3) to the Sun, within 0.01 degrees from 1950 to 2050.
 
     The low-precision formula of the Astronomical Almanac.
@@ -92,7 +92,7 @@ def sun_direction_N(times_ns: Times) -> FloatArray:
                      np.sin(tilt) * np.sin(longitude)], axis=1)
 
 
-def ground_N_m(config: GuidanceConfig, times_ns: Times) -> FloatArray:
+def ground_N_m(config: GuidanceConfig, times_ns: Times) -> Array:
     """Return the places (n, 3) [m] of the target, which turns with the Earth."""
     latitude = math.radians(config.latitude_deg)
     squared = _FLATTENING * (2.0 - _FLATTENING)

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.control.input_gate import (
     LONGEST_AGE_OF_ONE_CLOCK_S,
     NANOSECONDS,
@@ -22,6 +21,7 @@ from manifold_mpc_ros.control.input_gate import (
     to_ns,
 )
 from manifold_mpc_ros.control.moving.trajectory import Trajectory
+from manifold_mpc_ros.lie.arrays import Array
 
 #: A setpoint that turns by more than this while a plan sees it is a mistake [rad].
 LARGEST_VIEW_RAD = 1000.0
@@ -55,7 +55,7 @@ def admit_trajectory(
         return Refusal(Reason.INVALID_STAMP, 'the stamp is zero, and no state has said the time')
     if not points:
         return Refusal(Reason.UNREADABLE, 'there is no point with one transform')
-    attitudes: list[FloatArray] = []
+    attitudes: list[Array] = []
     for index, point in enumerate(points):
         refused = _point(index, point, frame_id, against.frame_id)
         if isinstance(refused, Refusal):
@@ -94,7 +94,7 @@ def admit_moving(
                            seen_s=seen_s))
 
 
-def _point(index: int, point: Point, frame_id: str, expected: str) -> FloatArray | Refusal:
+def _point(index: int, point: Point, frame_id: str, expected: str) -> Array | Refusal:
     """Return the attitude of a point, or what is wrong with it."""
     if point.rate is None:
         return Refusal(Reason.NO_RATE, f'point {index} has no angular velocity')
@@ -103,7 +103,7 @@ def _point(index: int, point: Point, frame_id: str, expected: str) -> FloatArray
             or admit_setpoint(frame_id, point.quaternion_xyzw, expected))
 
 
-def _too_fast(rates: FloatArray, alpha: FloatArray | None, T: FloatArray) -> Refusal | None:
+def _too_fast(rates: Array, alpha: Array | None, T: Array) -> Refusal | None:
     """Refuse points that are half a turn apart or more, T [s], at their rates or accelerations."""
     turns = np.abs((rates[1:] + rates[:-1]) / 2.0 * T).max(axis=1)
     if alpha is not None:

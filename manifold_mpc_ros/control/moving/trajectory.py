@@ -7,9 +7,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, to_ns
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.reference import Reference
 
 #: Part of an interval over which the derivative of the rotation vector's rate is a difference.
@@ -44,13 +44,13 @@ class Trajectory:
     moves = True
 
     def __init__(
-        self, times_ns: NDArray[np.int64], R_ND: FloatArray, omega_DN_D: FloatArray,
-        alpha_DN_D: FloatArray | None = None, until_ns: int | None = None,
+        self, times_ns: NDArray[np.int64], R_ND: Array, omega_DN_D: Array,
+        alpha_DN_D: Array | None = None, until_ns: int | None = None,
     ) -> None:
         """Make the polynomials."""
         self._begin_ns, last_ns = int(times_ns[0]), int(times_ns[-1])
         self._until_ns, self._stale = last_ns if until_ns is None else until_ns, until_ns
-        self._s: FloatArray = (times_ns - self._begin_ns) / NANOSECONDS
+        self._s: Array = (times_ns - self._begin_ns) / NANOSECONDS
         self._R, self._omega = R_ND, omega_DN_D
         if alpha_DN_D is None:
             alpha_DN_D = np.zeros_like(omega_DN_D) if len(R_ND) == 1 else np.gradient(
@@ -60,7 +60,7 @@ class Trajectory:
 
     @classmethod
     def at_rate(
-        cls, begin_ns: int, R_ND: FloatArray, omega_DN_D: FloatArray, *, valid_s: float,
+        cls, begin_ns: int, R_ND: Array, omega_DN_D: Array, *, valid_s: float,
         seen_s: float,
     ) -> Trajectory:
         """Return a setpoint that keeps its rate for ``valid_s``; plans see it ``seen_s`` on."""
@@ -71,11 +71,11 @@ class Trajectory:
                    R_ND @ so3.exp(s[:, None] * omega_DN_D), np.tile(omega_DN_D, (count, 1)),
                    until_ns=begin_ns + to_ns(valid_s))
 
-    def _polynomials(self, T: FloatArray, alpha: FloatArray) -> FloatArray:
+    def _polynomials(self, T: Array, alpha: Array) -> Array:
         """Return the coefficients of phi in t / T (m - 1, 6, 3) of the intervals' lengths [s]."""
         end = so3.log(np.swapaxes(self._R[:-1], 1, 2) @ self._R[1:]).reshape(-1, 3)
 
-        def rate(phi: FloatArray, omega: FloatArray) -> FloatArray:
+        def rate(phi: Array, omega: Array) -> Array:
             return (so3.right_jacobian_inverse(phi) @ omega[..., None])[..., 0]
 
         omega, d = self._omega[1:], DIFFERENCE * T
@@ -91,7 +91,7 @@ class Trajectory:
         """Return whether it is over at a time [ns]."""
         return time_ns >= self._until_ns
 
-    def at(self, time_ns: int) -> tuple[FloatArray, FloatArray]:
+    def at(self, time_ns: int) -> tuple[Array, Array]:
         """Return R_ND (3, 3) and omega_DN_D (3,) [rad/s] at a time [ns]."""
         R_ND, omega = self._evaluate(np.array([self._seconds(time_ns)]))
         return R_ND[0], np.zeros(3) if self.over(time_ns) else omega[0]
@@ -116,7 +116,7 @@ class Trajectory:
         """Return the time since the first point [s], no later than the end."""
         return (min(time_ns, self._until_ns) - self._begin_ns) / NANOSECONDS
 
-    def _evaluate(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _evaluate(self, s: Array) -> tuple[Array, Array]:
         """Return attitudes (n, 3, 3) and rates (n, 3) so long after the first point (n,) [s]."""
         ends = self._s
         resting = (s < 0.0) | (s >= ends[-1]) if len(ends) > 1 else np.ones(len(s), dtype=bool)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.lie.arrays import Array
 
 #: Distance of two delays, and how far beyond the declared one they go, in control steps.
 GRID_STEPS = 0.25
@@ -44,7 +44,7 @@ class DelayEstimator:
         self.declared_s, self._step_s = declared_s, step_s
         self._grid_s = GRID_STEPS * step_s
         self.longest_s = declared_s + RANGE_STEPS * step_s
-        self.delays_s: FloatArray = np.arange(0.0, self.longest_s + self._grid_s, self._grid_s)
+        self.delays_s: Array = np.arange(0.0, self.longest_s + self._grid_s, self._grid_s)
         self._prior = -0.5 * ((self.delays_s - declared_s) / (PRIOR_STEPS * step_s)) ** 2
         self._seen = np.zeros(len(self.delays_s))
         self._disagreeing = 0
@@ -56,7 +56,7 @@ class DelayEstimator:
         """The delay to plan with [s]: the declared one, until the response contradicts it."""
         return self.measured_s if self.disagrees else self.declared_s
 
-    def observe(self, residuals: FloatArray, variance: float) -> None:
+    def observe(self, residuals: Array, variance: float) -> None:
         """Take what each delay leaves unexplained (n, 3), of this variance a component."""
         squares = np.sum(residuals ** 2, axis=1) / variance
         squares -= squares.min()

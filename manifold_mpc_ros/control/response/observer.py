@@ -25,13 +25,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample, to_ns
 from manifold_mpc_ros.control.response.delay_estimator import DelayEstimator
 from manifold_mpc_ros.control.torque_history import TorqueHistory, moved_on
 from manifold_mpc_ros.errors import StepExistenceError
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 
 #: Standard deviation of an impulse, as a part of it.
 IMPULSE_ERROR = 0.03
@@ -55,7 +55,7 @@ class ResponseSettings:
     rate_noise_rad_s: float
     attitude_noise_rad: float
     drift_n_m: float
-    max_torque_n_m: FloatArray
+    max_torque_n_m: Array
     compensate: bool
     filter_state: bool = False
 
@@ -100,21 +100,21 @@ class ResponseObserver:
         self._P[3:6, 3:6] = other._P[3:6, 3:6]
 
     @property
-    def disturbance_B_n_m(self) -> FloatArray:
+    def disturbance_B_n_m(self) -> Array:
         """The estimate (3,) [N m]."""
         return self._x[3:6].copy()
 
     @property
-    def disturbance_std_n_m(self) -> FloatArray:
+    def disturbance_std_n_m(self) -> Array:
         """Its standard deviation (3,) [N m]."""
         return np.sqrt(np.diag(self._P)[3:6])
 
     @property
-    def compensated_B_n_m(self) -> FloatArray:
+    def compensated_B_n_m(self) -> Array:
         """The disturbance (3,) [N m] that plans count on."""
         return self.disturbance_B_n_m if self._settings.compensate else np.zeros(3)
 
-    def state(self, sample: StateSample) -> tuple[FloatArray, FloatArray]:
+    def state(self, sample: StateSample) -> tuple[Array, Array]:
         """Return attitude and rate [rad/s] of a state, filtered where plans are to begin there."""
         if not self._settings.filter_state or self._sample is not sample:
             return sample.R_NB, sample.omega_BN_B
@@ -145,7 +145,7 @@ class ResponseObserver:
         if self._settings.filter_state:
             self._correct(slice(6, 9), so3.log(self._R_NB.T @ sample.R_NB), self._attitude_noise)
 
-    def _begin(self, sample: StateSample, momentum: FloatArray) -> None:
+    def _begin(self, sample: StateSample, momentum: Array) -> None:
         """Take the state as measured; what is known of the rest stays."""
         self._R_NB = sample.R_NB
         self._x[:3] = momentum
@@ -179,7 +179,7 @@ class ResponseObserver:
         self._blur(gap_s, impulses)
         delay.observe(unexplained - impulses, float(np.trace(self._P[:3, :3] + self._noise)) / 3.0)
 
-    def _blur(self, gap_s: float, impulses: FloatArray) -> None:
+    def _blur(self, gap_s: float, impulses: Array) -> None:
         """Add to the covariance what the model does not know."""
         settings, delay, P = self._settings, self.delay, self._P
         near = int(np.argmin(np.abs(delay.delays_s - delay.measured_s)))
@@ -191,7 +191,7 @@ class ResponseObserver:
         P[:3, :3] += np.einsum('n,ni,nj->ij', likely / likely.sum(), spread, spread)
         P[range(3, 6), range(3, 6)] += settings.drift_n_m ** 2 * gap_s
 
-    def _correct(self, part: slice, off: FloatArray, noise: FloatArray) -> None:
+    def _correct(self, part: slice, off: Array, noise: Array) -> None:
         """Take into account by how much a part of the state is off (3,), with its noise (3, 3)."""
         gain = np.linalg.solve(self._P[part, part] + noise, self._P[part, :]).T
         change = gain @ off

@@ -23,11 +23,11 @@ from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETER
 from manifold_mpc_ros.lab.parameter_files import parameter_file_text
 
 if TYPE_CHECKING:
-    from manifold_mpc_ros.config.checks import FloatArray
     from manifold_mpc_ros.lab.recording.bags.compare import Comparison
     from manifold_mpc_ros.lab.recording.bags.feed import Feed
     from manifold_mpc_ros.lab.recording.bags.run import BagRun
     from manifold_mpc_ros.lab.recording.bags.series import CommandSeries
+    from manifold_mpc_ros.lie.arrays import Array
 
 #: With another build or machine the last bits of a sum may differ, and the iterations with them.
 OTHER_BUILD_TOLERANCE_N_M = 1e-9
@@ -120,7 +120,7 @@ class ReplayPlan:
             and dict(noted.versions) == provenance.versions(noted.versions.get('rmw', ''))
         return 0.0 if same else OTHER_BUILD_TOLERANCE_N_M
 
-    def compare(self, torques: Mapping[int, FloatArray]) -> Comparison:
+    def compare(self, torques: Mapping[int, Array]) -> Comparison:
         """Put the recorded torques beside those of the replay.
 
         At a pace the nearest answer within half a step counts.

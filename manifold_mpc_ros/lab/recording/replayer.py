@@ -20,8 +20,8 @@ from manifold_mpc_ros.lab.recording.replay_plan import ReplayPlan
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from manifold_mpc_ros.config.checks import FloatArray
     from manifold_mpc_ros.lab.recording.nodes.replay_node import Replayer
+    from manifold_mpc_ros.lie.arrays import Array
 
 #: A state that the controller does not answer for so long is never answered [s of wall clock].
 STANDSTILL_S = 60.0
@@ -33,7 +33,7 @@ class ReplayResult:
     """What the live controller did: the backend of its solver, torques by stamp [ns]."""
 
     backend: str
-    torques: Mapping[int, FloatArray]
+    torques: Mapping[int, Array]
 
 
 def replay(plan: ReplayPlan, console: Console, start_limit_s: float) -> ReplayResult:

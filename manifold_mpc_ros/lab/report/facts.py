@@ -9,10 +9,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.lab.recording.bags.run import BagRun
+from manifold_mpc_ros.lie.arrays import Array
 
 
 def facts(run: BagRun) -> Iterator[tuple[str, str]]:
@@ -52,12 +52,12 @@ def _controller(config: AttitudeMpcConfig) -> Iterator[tuple[str, str]]:
                          + ' terminal set')
 
 
-def _limit(limit: FloatArray | None, unit: str) -> str:
+def _limit(limit: Array | None, unit: str) -> str:
     """Return a limit as text."""
     return f'no limit [{unit}]' if limit is None else f'{_vector(limit)} {unit}'
 
 
-def _vector(values: FloatArray) -> str:
+def _vector(values: Array) -> str:
     """Return numbers as text, one where they are equal."""
     distinct = values[:1] if (values == values[0]).all() else values
     return ', '.join(f'{value:g}' for value in distinct)

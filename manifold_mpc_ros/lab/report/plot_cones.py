@@ -19,21 +19,21 @@ from manifold_mpc_ros.cli.plot_style import (
     set_colours,
     styled,
 )
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.cones import joined
 from manifold_mpc_ros.lab.recording.bags.cones import ConeHistory
+from manifold_mpc_ros.lie.arrays import Array
 
 _GRID = np.linspace(-np.pi, np.pi, 721), np.linspace(-np.pi / 2.0, np.pi / 2.0, 361)
 
 
-def margins_deg(cones: Sequence[ConeHistory]) -> dict[str, FloatArray]:
+def margins_deg(cones: Sequence[ConeHistory]) -> dict[str, Array]:
     """Return by what angle each cone or group is kept at each state (n,) [deg]."""
     margins = np.array([np.degrees(each.cone.sign * (each.angle_rad - each.cone.half_angle_rad))
                         for each in cones])
     return joined([each.cone for each in cones], margins)
 
 
-def plot_cones(title: str, time_s: FloatArray, cones: Sequence[ConeHistory], path: Path) -> Path:
+def plot_cones(title: str, time_s: Array, cones: Sequence[ConeHistory], path: Path) -> Path:
     """Draw n states' margins above a map of inertial directions (Mollweide) into a PNG.
 
     Filled is where an axis must not be at the end of the run; a dashed edge is that of a cone to
@@ -52,7 +52,7 @@ def plot_cones(title: str, time_s: FloatArray, cones: Sequence[ConeHistory], pat
         return save_figure(figure, path)
 
 
-def _draw_margins(axes: Axes, time_s: FloatArray, margins: Mapping[str, FloatArray]) -> None:
+def _draw_margins(axes: Axes, time_s: Array, margins: Mapping[str, Array]) -> None:
     """Draw by what angle each cone or group is kept."""
     for (name, values), colour in zip(margins.items(), set_colours(len(margins)), strict=True):
         axes.plot(time_s, values, color=colour, label=name)

@@ -14,9 +14,9 @@ import numpy as np
 import plotly.graph_objects as go
 
 from manifold_mpc_ros.cli.plot_style import AXIS_COLOURS, AXIS_NAMES, INK, set_colours
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.lab.recording.bags.cones import cone_histories
 from manifold_mpc_ros.lab.recording.bags.run import BagRun
+from manifold_mpc_ros.lie.arrays import Array
 
 #: Half of the longest edge of the box that is drawn.
 LARGEST_HALF_EDGE = 0.34
@@ -76,7 +76,7 @@ def _cones(run: BagRun) -> list[go.Scatter3d]:
     return traces
 
 
-def corners(run: BagRun) -> FloatArray:
+def corners(run: BagRun) -> Array:
     """Return the corners (8, 3) of the box in body axes.
 
     Edges follow from ``a_i^2 ~ tr(J)/2 - J_i`` in the principal axes.
@@ -89,7 +89,7 @@ def corners(run: BagRun) -> FloatArray:
     return np.asarray((signs * half * LARGEST_HALF_EDGE / half.max()) @ axes.T)
 
 
-def commanded_axes(run: BagRun) -> FloatArray:
+def commanded_axes(run: BagRun) -> Array:
     """Return the axes in the commanded frame that the body is to bring its own to (k, 3)."""
     config = None if run.scenario is None else run.scenario.controller_config.mpc
     if config is not None and config.target == 'pointing':
@@ -97,7 +97,7 @@ def commanded_axes(run: BagRun) -> FloatArray:
     return np.eye(3)
 
 
-def drawn_torques(run: BagRun) -> FloatArray:
+def drawn_torques(run: BagRun) -> Array:
     """Return the torques as arrows in body axes (m, 3), the largest of a fixed length."""
     torques = run.commands.torque_B_n_m
     largest = float(np.linalg.norm(torques, axis=1).max(initial=0.0))

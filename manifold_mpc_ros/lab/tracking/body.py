@@ -13,11 +13,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 
 #: A torque (3,) [N m] in body axes at a time [s] and an attitude (3, 3).
-Disturbance = Callable[[float, FloatArray], FloatArray]
+Disturbance = Callable[[float, Array], Array]
 
 
 class ContinuousBody:
@@ -39,8 +39,8 @@ class ContinuousBody:
     """
 
     def __init__(
-        self, inertia_kg_m2: FloatArray, *, step_s: float, R_NB: FloatArray | None = None,
-        omega_BN_B: FloatArray | None = None, max_torque_n_m: FloatArray | None = None,
+        self, inertia_kg_m2: Array, *, step_s: float, R_NB: Array | None = None,
+        omega_BN_B: Array | None = None, max_torque_n_m: Array | None = None,
         delay_s: float = 0.0, disturbance: Disturbance | None = None,
     ) -> None:
         """Put the body into its first state."""
@@ -53,16 +53,16 @@ class ContinuousBody:
         self._disturbance = disturbance
 
     @property
-    def R_NB(self) -> FloatArray:
+    def R_NB(self) -> Array:
         """The attitude (3, 3)."""
         return so3.rotation_from_quaternion(self._y[:4])
 
     @property
-    def omega_BN_B(self) -> FloatArray:
+    def omega_BN_B(self) -> Array:
         """The rate (3,) [rad/s]."""
         return self._y[4:].copy()
 
-    def step(self, tau_B: FloatArray) -> None:
+    def step(self, tau_B: Array) -> None:
         """Advance by one step under a command (3,) [N m]."""
         self._under_way.append(np.clip(tau_B, -self._limit, self._limit))
         tau = self._under_way.popleft()
@@ -77,7 +77,7 @@ class ContinuousBody:
         self._y[:4] /= np.linalg.norm(self._y[:4])
         self.time_s += h
 
-    def _rate(self, state: FloatArray, tau: FloatArray) -> FloatArray:
+    def _rate(self, state: Array, tau: Array) -> Array:
         """Return the derivative of quaternion and rate (7,)."""
         w, x, y, z, a, b, c = state.tolist()
         j, k, n = (self._J @ state[4:]).tolist()

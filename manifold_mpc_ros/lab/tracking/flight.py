@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.control.command import Command, Law
 from manifold_mpc_ros.control.control_loop import ControlLoop
 from manifold_mpc_ros.control.decrease_monitor import monitor_for
@@ -21,18 +20,19 @@ from manifold_mpc_ros.control.target import Target
 from manifold_mpc_ros.control.tick_time import ClockTime
 from manifold_mpc_ros.lab.tracking.body import ContinuousBody
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 
 EPOCH_NS = NANOSECONDS
 #: Maps times (n,) [s] to attitudes (n, 3, 3) and rates in their own axes (n, 3) [rad/s].
-Path = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+Path = Callable[[Array], tuple[Array, Array]]
 #: Difference of time for accelerations of a path [s].
 _DIFFERENCE_S = 1e-4
 
 
 def trajectory(path: Path, duration_s: float, spacing_s: float) -> Trajectory:
     """Return the trajectory through points of a path, so far apart."""
-    times: FloatArray = spacing_s * np.linspace(0.0, round(duration_s / spacing_s), round(
+    times: Array = spacing_s * np.linspace(0.0, round(duration_s / spacing_s), round(
         duration_s / spacing_s) + 1)
     R_ND, omega = path(times)
     alpha = (path(times + _DIFFERENCE_S)[1] - path(times - _DIFFERENCE_S)[1]) / (
@@ -45,10 +45,10 @@ def trajectory(path: Path, duration_s: float, spacing_s: float) -> Trajectory:
 class Flight:
     """True attitude, error angle [rad] and rate [rad/s] at every tick (n, ...), and commands."""
 
-    time_s: FloatArray
-    attitudes: FloatArray
-    error_rad: FloatArray
-    rate_rad_s: FloatArray
+    time_s: Array
+    attitudes: Array
+    error_rad: Array
+    rate_rad_s: Array
     commands: list[Command]
     loop: ControlLoop
 
@@ -59,7 +59,7 @@ class Flight:
                    for command in self.commands)
 
     @property
-    def torque_n_m(self) -> FloatArray:
+    def torque_n_m(self) -> Array:
         """The commanded torques (n, 3) [N m]."""
         return np.array([command.torque_B_n_m for command in self.commands])
 
@@ -72,7 +72,7 @@ class Flight:
 def fly(
     mpc: AttitudeMpc, body: ContinuousBody, target: Target, duration_s: float, *,
     observer: ResponseObserver | None = None, delay_s: float = 0.0,
-    measure: Callable[[ContinuousBody], tuple[FloatArray, FloatArray]] | None = None,
+    measure: Callable[[ContinuousBody], tuple[Array, Array]] | None = None,
     fallback_s: float = 2.5,
 ) -> Flight:
     """Close the loop by the clock of the stamps; the body's steps divide those of the control."""

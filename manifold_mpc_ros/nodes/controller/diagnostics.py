@@ -8,7 +8,6 @@ import math
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.control.command import Command
 from manifold_mpc_ros.control.control_loop import ControlLoop
 from manifold_mpc_ros.control.decrease_record import Decrease
@@ -16,6 +15,7 @@ from manifold_mpc_ros.control.modes import Mode
 from manifold_mpc_ros.control.response.observer import ResponseObserver
 from manifold_mpc_ros.control.steady_error import SteadyError
 from manifold_mpc_ros.control.target import Target
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.reference import LEAST_SHARE
 from manifold_mpc_ros.nodes.managed_node import Status
 
@@ -98,7 +98,7 @@ def _add_response(status: Status, observer: ResponseObserver) -> None:
             f'{delay.declared_s:g} s as declared: planned with what is measured')
 
 
-def _numbers(values: FloatArray) -> str:
+def _numbers(values: Array) -> str:
     """Return a vector as text."""
     return ' '.join(f'{value:.6g}' for value in values)
 

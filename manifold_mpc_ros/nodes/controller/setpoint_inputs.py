@@ -11,7 +11,6 @@ from geometry_msgs.msg import Twist, Vector3Stamped
 from nav_msgs.msg import Odometry
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.control.control_loop import ControlLoop
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, Refusal, Vector, admit_direction
@@ -22,6 +21,7 @@ from manifold_mpc_ros.control.moving.gate import (
     admit_trajectory,
 )
 from manifold_mpc_ros.control.target import FixedTarget, Target
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.target import attitude_towards
 from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.described_inputs import DescribedSetpoint
@@ -107,7 +107,7 @@ class SetpointInputs:
         return Frame(self._config.inertial_frame_id, self._now_ns())
 
 
-def _fixed(admitted: FloatArray | Refusal) -> Target | Refusal:
+def _fixed(admitted: Array | Refusal) -> Target | Refusal:
     """Return an attitude as a target, a refusal as it is."""
     return admitted if isinstance(admitted, Refusal) else FixedTarget(admitted)
 

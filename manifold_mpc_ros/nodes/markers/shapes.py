@@ -17,8 +17,8 @@ from geometry_msgs.msg import Point
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.cones import Cone
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.nodes.messages import to_quaternion, to_stamp
 
 #: Blue, vermilion and bluish green (Okabe and Ito) for x, y and z, as in every picture here.
@@ -37,14 +37,14 @@ class Picture:
 
     inertial_frame_id: str
     stamp_ns: int = 0
-    R_NB: FloatArray | None = None
-    R_ND: FloatArray | None = None            # commanded attitude
-    direction_N: FloatArray | None = None     # commanded direction
+    R_NB: Array | None = None
+    R_ND: Array | None = None            # commanded attitude
+    direction_N: Array | None = None     # commanded direction
     prediction_N: Sequence[Point] = ()        # the predicted path of a body axis on the sphere
-    torque_B_n_m: FloatArray | None = None
+    torque_B_n_m: Array | None = None
     torque_length_per_n_m: float = 1.0
     cones: Sequence[Cone] = ()
-    directions_N: Mapping[str, FloatArray] = field(default_factory=dict)  # that have come, by cone
+    directions_N: Mapping[str, Array] = field(default_factory=dict)  # that have come, by cone
 
 
 def markers(picture: Picture) -> MarkerArray:
@@ -109,7 +109,7 @@ def _cone(picture: Picture, number: int, cone: Cone) -> Iterator[Marker]:
 
 
 def _arrow(
-    picture: Picture, namespace: str, number: int, tip_N: FloatArray,
+    picture: Picture, namespace: str, number: int, tip_N: Array,
     colour: Sequence[float], opacity: float = 1.0,
 ) -> Marker:
     """Return an arrow from the origin."""

@@ -11,10 +11,10 @@ import numpy as np
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.interfaces import WHEEL_STATES, command_topics
 from manifold_mpc_ros.config.simulator import SimulatorConfig
 from manifold_mpc_ros.control.input_gate import Reason, Refusal
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.managed_node import INPUT_QOS, ManagedNode
 
@@ -38,14 +38,14 @@ class DeviceLink:
     """
 
     def __init__(self, node: ManagedNode, config: SimulatorConfig,
-                 act: Callable[[FloatArray], None]) -> None:
+                 act: Callable[[Array], None]) -> None:
         """Open the topics where there are devices."""
         self._node, self._act, self._lockstep = node, act, config.lockstep
         motors = config.wheel_motors
         self._array = config.thrusters if motors is None else motors.wheels
         self._topic = command_topics('thrusters' if motors is None else 'wheels')[0][0]
         self._states = None if motors is None else node.advertise(JointState, WHEEL_STATES[0])
-        self._latest: tuple[Any, FloatArray] | None = None
+        self._latest: tuple[Any, Array] | None = None
         self._waiting: tuple[Any, Callable[[], None]] | None = None
         if self._array is not None:
             self._commands = node.listen(
@@ -66,11 +66,11 @@ class DeviceLink:
             self._waiting = info.get('publication_sequence_number'), take
             self._take()
 
-    def command(self, torque_B_n_m: FloatArray) -> FloatArray:
+    def command(self, torque_B_n_m: Array) -> Array:
         """Return what is commanded to the plant: the body torque (3,), or that of devices (n,)."""
         return torque_B_n_m if self._latest is None else self._latest[1]
 
-    def publish(self, stamp_ns: int, speed_rad_s: FloatArray | None) -> None:
+    def publish(self, stamp_ns: int, speed_rad_s: Array | None) -> None:
         """Publish the speeds (n,) of the wheels, if there are any."""
         if self._array is not None and self._states is not None and speed_rad_s is not None:
             message = JointState(name=list(self._array.names), velocity=speed_rad_s.tolist())

@@ -11,10 +11,10 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from rosgraph_msgs.msg import Clock
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.control_law import SimulatorConfig
 from manifold_mpc_ros.config.parameter import Value
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, Reason, Refusal, StateSample
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.described_inputs import DescribedTorque
 from manifold_mpc_ros.nodes.managed_node import INPUT_QOS, ManagedNode, Status
@@ -190,7 +190,7 @@ class LgviSimulatorNode(ManagedNode):
         if self._config.lockstep and not self._still:
             self._exchange_next()
 
-    def _admitted(self, message: Any) -> FloatArray | Refusal:
+    def _admitted(self, message: Any) -> Array | Refusal:
         """Return the torque of a command, or why it must not act.
 
         In lockstep it answers the state that waits. Else it may stand in for states that did not

@@ -14,7 +14,6 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, SIMULATOR_NAME
 from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.lab.fault_injection.cdr import ODOMETRY, WRENCH, StampedMessage
@@ -22,6 +21,7 @@ from manifold_mpc_ros.lab.fault_injection.evidence import Command, Report
 from manifold_mpc_ros.lab.fault_injection.fault import CONTROLLER, SIMULATOR, STATE, TORQUE
 from manifold_mpc_ros.lab.recording.nodes.raw import DEEP_QOS
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 
 NODES = {CONTROLLER_NAME: CONTROLLER, SIMULATOR_NAME: SIMULATOR}
 #: Reports that are kept for a look back.
@@ -41,7 +41,7 @@ class Observer:
         self.latest: dict[str, Report] = {}
         self.commands: list[Command] = []
         self.reports: list[Report] = []
-        self.R_NB: FloatArray | None = None
+        self.R_NB: Array | None = None
         self.omega_BN_B: tuple[float, ...] = (0.0, 0.0, 0.0)
         self.state_s = self.command_s = -math.inf
         self._monotonic_zero_s = time.time() - time.monotonic()

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.lab.recording.bags.series import CommandSeries
-from manifold_mpc_ros.lie.arrays import IntArray
+from manifold_mpc_ros.lie.arrays import Array, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,16 +22,16 @@ class Comparison:
     """
 
     stamp_ns: IntArray      # (k,) of the state answered
-    time_s: FloatArray      # (k,) since the first state
-    recorded: FloatArray    # (k, 3) [N m]
-    replayed: FloatArray    # (k, 3) [N m]
+    time_s: Array      # (k,) since the first state
+    recorded: Array    # (k, 3) [N m]
+    replayed: Array    # (k, 3) [N m]
 
     def __len__(self) -> int:
         """Return k."""
         return len(self.stamp_ns)
 
     @property
-    def difference_n_m(self) -> FloatArray:
+    def difference_n_m(self) -> Array:
         """The largest difference about any axis, infinite without an answer (k,) [N m]."""
         largest = np.abs(self.replayed - self.recorded).max(axis=1, initial=0.0)
         return np.where(np.isfinite(largest), largest, np.inf)
@@ -62,7 +61,7 @@ class Comparison:
 
 
 def compare_torques(
-    recorded: CommandSeries, replayed: Mapping[int, FloatArray], within_s: float = 0.0,
+    recorded: CommandSeries, replayed: Mapping[int, Array], within_s: float = 0.0,
 ) -> Comparison:
     """Put each recorded torque beside the replay's answer to the same state.
 

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.cones import Between, Cone, between_samples, joined
 from manifold_mpc_ros.lab.recording.bags import assemble
 from manifold_mpc_ros.lab.recording.bags.run import BagRun
+from manifold_mpc_ros.lie.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,20 +20,20 @@ class ConeHistory:
     """One cone at n states: the unit axis and the direction of the cone, inertial (n, 3)."""
 
     cone: Cone
-    axis_N: FloatArray
-    direction_N: FloatArray
+    axis_N: Array
+    direction_N: Array
 
     @property
-    def cosine(self) -> FloatArray:
+    def cosine(self) -> Array:
         """The cosine between them (n,)."""
         return np.asarray(np.sum(self.axis_N * self.direction_N, axis=1))
 
     @property
-    def angle_rad(self) -> FloatArray:
+    def angle_rad(self) -> Array:
         """The angle between them (n,) [rad]."""
         return np.asarray(np.arccos(np.clip(self.cosine, -1.0, 1.0)))
 
-    def least_margins_rad(self, between: Sequence[Between]) -> FloatArray:
+    def least_margins_rad(self, between: Sequence[Between]) -> Array:
         """Return by what angle the cone is kept at least between states (n - 1,) [rad].
 
         ``between`` bounds the motion in each of n - 1 intervals: docs/theory.md (23). A direction
@@ -65,7 +65,7 @@ def cone_histories(run: BagRun) -> list[ConeHistory]:
     return found
 
 
-def least_margins_rad(run: BagRun, histories: Sequence[ConeHistory]) -> dict[str, FloatArray]:
+def least_margins_rad(run: BagRun, histories: Sequence[ConeHistory]) -> dict[str, Array]:
     """Return by what angle each cone or group is kept at least between states (n - 1,) [rad].
 
     By docs/theory.md (23), with the largest rate that was measured and the controller's limits.

@@ -15,12 +15,12 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.description import state_description
 from manifold_mpc_ros.control.described.source import read_part
 from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.lab.recording.bags.contents import RawMessage
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 
 ODOMETRY, IMU = 'nav_msgs/msg/Odometry', 'sensor_msgs/msg/Imu'
 POSE, TWIST = 'geometry_msgs/msg/PoseStamped', 'geometry_msgs/msg/TwistStamped'
@@ -39,8 +39,8 @@ DAMAGE = (SerdeError, struct.error, ValueError, IndexError, KeyError, TypeError,
 class StateValue:
     """Attitude and body rate of one message; a message that lacks one of them has None there."""
 
-    R_NB: FloatArray | None
-    omega_BN_B: FloatArray | None
+    R_NB: Array | None
+    omega_BN_B: Array | None
 
 
 @dataclass(frozen=True)
@@ -95,17 +95,17 @@ def read_text(message: RawMessage) -> str:
         raise ValueError(f'{message.topic}: {error}') from None
 
 
-def path(content: Any) -> FloatArray:
+def path(content: Any) -> Array:
     """Return the attitudes of a path (N + 1, 3, 3)."""
     return np.array([rotation(each.pose.orientation) for each in content.poses]).reshape(-1, 3, 3)
 
 
-def rotation(quaternion: Any) -> FloatArray:
+def rotation(quaternion: Any) -> Array:
     """Return the rotation matrix of a quaternion message; raises ValueError for none."""
     return _rotation(quaternion.x, quaternion.y, quaternion.z, quaternion.w)
 
 
-def _rotation(x: float, y: float, z: float, w: float) -> FloatArray:
+def _rotation(x: float, y: float, z: float, w: float) -> Array:
     """Return the rotation matrix of a quaternion; raises Unusable for none."""
     values = np.array([w, x, y, z], dtype=float)
     if not abs(float(np.linalg.norm(values)) - 1.0) < 1e-2:
@@ -113,7 +113,7 @@ def _rotation(x: float, y: float, z: float, w: float) -> FloatArray:
     return so3.rotation_from_quaternion(values)
 
 
-def vector(content: Any) -> FloatArray:
+def vector(content: Any) -> Array:
     """Return three numbers."""
     return np.array([content.x, content.y, content.z], dtype=float)
 
@@ -144,7 +144,7 @@ STATE_READERS = {kind: _state_reader(kind) for kind in (ODOMETRY, IMU, POSE, TWI
 
 
 def odometry_cdr(
-    stamp_ns: int, xyzw: Sequence[float], omega_BN_B: FloatArray | Sequence[float],
+    stamp_ns: int, xyzw: Sequence[float], omega_BN_B: Array | Sequence[float],
     frames: tuple[str, str],
 ) -> bytes:
     """Return an odometry message of a body that turns in place, serialized."""

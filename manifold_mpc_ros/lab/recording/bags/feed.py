@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.errors import BagError
@@ -24,6 +23,7 @@ from manifold_mpc_ros.lab.recording.bags.assemble import Source
 from manifold_mpc_ros.lab.recording.bags.contents import RawMessage, stamp_ns_of
 from manifold_mpc_ros.lab.recording.bags.run import BagRun
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 
 STATE_TOPICS = {decode.ODOMETRY: '/odometry', decode.IMU: '/imu'}
 ATTITUDE_TOPIC, DIRECTION_TOPIC = '/attitude_setpoint', '/direction_setpoint'
@@ -152,7 +152,7 @@ def _setpoints(run: BagRun, config: ControllerConfig) -> list[FeedMessage]:
         stamp_ns, _xyzw(R_ND), config.inertial_frame_id)) for stamp_ns, R_ND in rows]
 
 
-def _xyzw(R: FloatArray) -> tuple[float, float, float, float]:
+def _xyzw(R: Array) -> tuple[float, float, float, float]:
     """Return a rotation as a quaternion x, y, z, w."""
     w, x, y, z = map(float, so3.quaternion_from_rotation(R))
     return (x, y, z, w)

@@ -6,11 +6,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.rate_limits import rates_beyond
 from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.lab.closed_loop import settling_time
 from manifold_mpc_ros.lab.recording.bags.run import BagRun
+from manifold_mpc_ros.lie.arrays import Array
 
 #: Part of a limit by which it may be passed: the real body is not the model stepped at step_s.
 SLACK = 0.01
@@ -105,7 +105,7 @@ def refused(run: BagRun) -> int | None:
     return run.ticks.refused - (repeats if run.lockstep else 0)
 
 
-def tick_times_s(run: BagRun) -> FloatArray:
+def tick_times_s(run: BagRun) -> Array:
     """Return the time of each tick since the first state (t,) [s].
 
     In lockstep that of the state answered; else by when the controller said something about it.

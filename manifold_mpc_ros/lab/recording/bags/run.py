@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, SIMULATOR_NAME
 from manifold_mpc_ros.errors import BagError, ConfigurationError
 from manifold_mpc_ros.lab.recording.bags import assemble
@@ -36,6 +35,7 @@ from manifold_mpc_ros.lab.recording.bags.series import (
 )
 from manifold_mpc_ros.lab.recording.bags.translate import StackDescriptions, translated
 from manifold_mpc_ros.lab.recording.scenarios.scenario import Scenario
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.target import error_angle
 
 #: How the recorder ended.
@@ -102,7 +102,7 @@ class BagRun:
         return self.description.backend or self.ticks.last.get('backend', '')
 
     @property
-    def R_ND(self) -> FloatArray:
+    def R_ND(self) -> Array:
         """The commanded attitude at each state (n, 3, 3).
 
         The last setpoint with an earlier or equal stamp; before the first one the initial
@@ -117,7 +117,7 @@ class BagRun:
             self.setpoints.stamp_ns, self.states.stamp_ns, side='right')]
 
     @property
-    def error_rad(self) -> FloatArray:
+    def error_rad(self) -> Array:
         """The angle left to turn at each state (n,), of the attitude or of the pointing axis."""
         R_DB = np.swapaxes(self.R_ND, -1, -2) @ self.states.R_NB
         config = (self.scenario or assemble.shipped_scenario()).controller_config.mpc

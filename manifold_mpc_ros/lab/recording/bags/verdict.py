@@ -9,12 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.errors import BagError
 from manifold_mpc_ros.lab.recording.bags import measures
 from manifold_mpc_ros.lab.recording.bags.cones import violated_s
 from manifold_mpc_ros.lab.recording.bags.run import COMPLETE, BagRun
 from manifold_mpc_ros.lab.recording.scenarios.parts import AcceptanceLimits
+from manifold_mpc_ros.lie.arrays import Array
 
 #: The judgement that every run gets, beside those that its scenario asks for.
 RECORDING = 'recording'
@@ -138,7 +138,7 @@ def _at_most(
                         measured is not None and measured <= limit)
 
 
-def _box(name: str, limit: FloatArray | None, values: FloatArray, unit: str) -> \
+def _box(name: str, limit: Array | None, values: Array, unit: str) -> \
         Iterator[Judgement]:
     """Judge the largest value about each axis."""
     if limit is None:
@@ -163,7 +163,7 @@ def _counted(run: BagRun, name: str, limit: int | None, count: int) -> Iterator[
     yield Judgement(name, str(limit), said, count + unknown <= limit and len(run.ticks) > 0)
 
 
-def _vector(values: FloatArray, unit: str) -> str:
+def _vector(values: Array, unit: str) -> str:
     """Return three numbers as text, one where they are equal."""
     distinct = values[:1] if (values == values[0]).all() else values
     return _with_unit(', '.join(f'{value:.4g}' for value in distinct), unit)

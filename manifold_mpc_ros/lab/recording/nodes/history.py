@@ -11,13 +11,13 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.description import PLAIN, state_description
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME
 from manifold_mpc_ros.control.described.source import DescribedSource
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, RawState
 from manifold_mpc_ros.lab.recording.nodes.listener import Listener
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.managed_node import INPUT_QOS
 
@@ -28,11 +28,11 @@ NODE_NAME = 'manifold_mpc_recorder'
 class StateHistory:
     """What was seen: n states and m commands; time 0 is the state that is answered first."""
 
-    state_time_s: FloatArray   # (n,) stamps [s]
-    R_NB: FloatArray           # (n, 3, 3)
-    omega_BN_B: FloatArray     # (n, 3) [rad/s]
-    torque_time_s: FloatArray  # (m,) stamps of the states that the commands answer [s]
-    torque_B_n_m: FloatArray   # (m, 3)
+    state_time_s: Array   # (n,) stamps [s]
+    R_NB: Array           # (n, 3, 3)
+    omega_BN_B: Array     # (n, 3) [rad/s]
+    torque_time_s: Array  # (m,) stamps of the states that the commands answer [s]
+    torque_B_n_m: Array   # (m, 3)
 
 
 class Recorder(Listener):
@@ -50,7 +50,7 @@ class Recorder(Listener):
             self.node.create_subscription(kind, topic, callback, INPUT_QOS)
         self._source = DescribedSource(state_description(PLAIN))
         self._stamps_ns: list[int] = []
-        self._attitudes: list[FloatArray] = []
+        self._attitudes: list[Array] = []
         self._rates: list[tuple[float, float, float]] = []
         self._torque_stamps_ns: list[int] = []
         self._torques: list[tuple[float, float, float]] = []
@@ -78,12 +78,12 @@ class Recorder(Listener):
         seen_ns = answers_ns or self._stamps_ns
         return seen_ns[0] if seen_ns else 0
 
-    def latest_state(self) -> tuple[float, FloatArray, FloatArray]:
+    def latest_state(self) -> tuple[float, Array, Array]:
         """Return time since the first state [s], attitude and body rate of the last one."""
         elapsed_s = (self._stamps_ns[-1] - self._stamps_ns[0]) / NANOSECONDS
         return elapsed_s, self._attitudes[-1], np.array(self._rates[-1])
 
-    def latest_torque(self) -> FloatArray:
+    def latest_torque(self) -> Array:
         """Return the last torque seen (3,) [N m]."""
         return np.array(self._torques[-1])
 
@@ -121,6 +121,6 @@ class Recorder(Listener):
                 self.mode = self.solver.get('mode', '')
 
 
-def _seconds(stamps_ns: list[int], first_ns: int) -> FloatArray:
+def _seconds(stamps_ns: list[int], first_ns: int) -> Array:
     """Return stamps as seconds since the first state."""
     return np.array([(stamp_ns - first_ns) / NANOSECONDS for stamp_ns in stamps_ns])

@@ -13,7 +13,6 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from rosgraph_msgs.msg import Clock
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME
 from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.lab.recording.bags.feed import (
@@ -24,6 +23,7 @@ from manifold_mpc_ros.lab.recording.bags.feed import (
 )
 from manifold_mpc_ros.lab.recording.nodes.listener import Listener, Watch, setpoints_taken
 from manifold_mpc_ros.lab.recording.nodes.raw import DEEP_QOS, message_class
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.nodes import messages
 
 NODE_NAME = 'bag_replayer'
@@ -50,7 +50,7 @@ class Replayer(Listener):
         """Join the domain."""
         super().__init__(NODE_NAME, domain_id)
         self._feed = feed
-        self.torques: dict[int, FloatArray] = {}
+        self.torques: dict[int, Array] = {}
         self.controller: dict[str, str] = {}
         kinds = dict.fromkeys((each.topic for each in feed.setpoints), VECTOR) | {
             STATE_TOPICS[feed.state_kind]: feed.state_kind,

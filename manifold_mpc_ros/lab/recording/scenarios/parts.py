@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from manifold_mpc_ros.config import checks as checks
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lab.recording.scenarios.keys import (
     ACCEPTANCE_KEYS,
@@ -22,6 +21,7 @@ from manifold_mpc_ros.lab.recording.scenarios.keys import (
     STOP_KEYS,
     check_group,
 )
+from manifold_mpc_ros.lie.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +32,8 @@ class Setpoint:
     """
 
     at_s: float
-    attitude_xyzw: FloatArray | None = None
-    direction_N: FloatArray | None = None
+    attitude_xyzw: Array | None = None
+    direction_N: Array | None = None
     cone: str | None = None
 
     @classmethod
@@ -112,8 +112,8 @@ class AcceptanceLimits:
     settle_time_s: float | None = None
     final_error_deg: float | None = None
     final_rate_rad_s: float | None = None
-    peak_torque_n_m: FloatArray | None = None
-    peak_rate_rad_s: FloatArray | None = None
+    peak_torque_n_m: Array | None = None
+    peak_rate_rad_s: Array | None = None
     violations: int | None = None
     cone_violation_s: float | None = None
     solver_time_p99_ms: float | None = None
@@ -150,7 +150,7 @@ def as_mapping(value: object) -> Mapping[str, Any]:
     return value if isinstance(value, Mapping) else {}
 
 
-def _box(key: str, values: list[float]) -> FloatArray:
+def _box(key: str, values: list[float]) -> Array:
     """Return one or three bounds as a read-only (3,)."""
     if min(values) < 0.0:
         raise ConfigurationError(key, values, '1 or 3 numbers of at least 0')
