@@ -73,8 +73,8 @@ def random_targets(data: dict[str, Any]) -> str:
     rows = {'flights': 'flights', 'error, median [deg]': 'median_error_deg',
             'error, largest [deg]': 'largest_error_deg', 'promises checked': 'promises_checked',
             'promises broken': 'promises_broken',
-            'torque limit exceeded by (part)': 'largest_torque_excess',
-            'rate limit exceeded by at most (part)': 'largest_rate_excess',
+            'torque limit exceeded by at most (part of it)': 'largest_torque_excess',
+            'rate limit exceeded by at most (part of it)': 'largest_rate_excess',
             'flights with more than one search': 'with_more_than_one_search',
             'every tick NOMINAL': 'all_nominal', 'flights that were warned of': 'warned',
             'ticks warned of': 'ticks_warned', 'ticks in all': 'ticks'}
