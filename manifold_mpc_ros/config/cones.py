@@ -22,6 +22,8 @@ from manifold_mpc_ros.lie.arrays import Array
 KINDS = ('keep_out', 'keep_in')
 # Attitudes that are tried to see whether cones leave any, and how many of them are improved.
 _GRID, _REFINED = 2000, 8
+# A round that gains less than this part of its turns makes them smaller.
+_GAIN = 0.1
 _REPEATED = 5
 #: Cones in a group at most.
 MOST_MEMBERS = 4
@@ -239,9 +241,10 @@ def best_margin_rad(given: Sequence[Cone]) -> float:
     radius = 0.25
     while radius > 1e-5:
         tried = best[:, None] @ so3.exp(radius * turns)
-        places = np.argmax(least(tried), axis=1)
-        best = tried[np.arange(len(best)), places]
-        radius *= 1.0 if (places > 0).any() else 0.5
+        margins = least(tried)
+        gained = margins.max(axis=1) - margins[:, 0]
+        best = tried[np.arange(len(best)), np.argmax(margins, axis=1)]
+        radius *= 1.0 if (gained > _GAIN * radius).any() else 0.5
     return float(least(best).max())
 
 
