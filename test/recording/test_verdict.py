@@ -31,9 +31,13 @@ from manifold_mpc_ros.lab.recording.scenarios.keys import ACCEPTANCE_KEYS
 KEPT: dict[str, Any] = {
     'attitude_tolerance_deg': 160.0, 'rate_tolerance_rad_s': 0.1, 'settle_time_s': 2.0,
     'final_error_deg': 157.1, 'final_rate_rad_s': 0.0401, 'peak_torque_n_m': [0.0, 0.0, 0.3],
-    'peak_rate_rad_s': [0.0, 0.0, 0.04], 'violations': 0, 'solver_time_p99_ms': 0.0815,
-    'promises_broken': 1, 'infeasible_ticks': 0, 'fallback_ticks': 0, 'coast_ticks': 0,
-    'refused_messages': 2}
+    'peak_rate_rad_s': [0.0, 0.0, 0.04], 'violations': 0, 'cone_violation_s': 0.0,
+    'solver_time_p99_ms': 0.0815, 'promises_broken': 1, 'infeasible_ticks': 0,
+    'fallback_ticks': 0, 'coast_ticks': 0, 'refused_messages': 2}
+# It turns about z, which stays where it is.
+CONE: dict[str, Any] = {'limits': {'max_rate_rad_s': [0.2]}, 'cones': {
+    'names': ['z'], 'z': {'axis_B': [0.0, 0.0, 1.0], 'direction_N': [0.0, 0.0, 1.0],
+                          'half_angle_deg': 60.0, 'kind': 'keep_in'}}}
 JUDGED = sorted(set(KEPT) - {'attitude_tolerance_deg', 'rate_tolerance_rad_s'})
 
 
@@ -52,7 +56,8 @@ def verdict(
 ) -> Verdict:
     """Judge a made-up run by some limits."""
     scenario = yaml.safe_dump({'description': 'made up', 'duration_s': duration_s,
-                               'controller': controller or {}, 'acceptance': limits})
+                               'controller': CONE if controller is None else controller,
+                               'acceptance': limits})
     messages = messages or [*run_messages(5), said(5)]
     return judge(read_run(write_bag(folder / 'bag', messages, scenario=scenario, **more)))
 
@@ -123,7 +128,8 @@ def test_a_run_that_did_not_end_has_not_passed(tmp_path: Path) -> None:
 
 
 def test_what_the_bag_does_not_say_is_not_kept(tmp_path: Path) -> None:
-    scenario = yaml.safe_dump({'description': 'silent', 'duration_s': 2.0, 'acceptance': KEPT})
+    scenario = yaml.safe_dump({'description': 'silent', 'duration_s': 2.0, 'controller': CONE,
+                               'acceptance': KEPT})
     messages = [each for each in run_messages(5)
                 if each.topic not in ('/diagnostics', '/torque_command')]
     found = judge(read_run(write_bag(tmp_path / 'bag', messages, scenario=scenario)))
