@@ -78,8 +78,9 @@ class RateBox(RateLimit):
         return float(np.linalg.norm(self.max_rate_rad_s[self._limited]))
 
     def rate_about(self, axis_B: FloatArray) -> float:
-        """Return the rate at which the first axis is at its limit."""
-        return 1.0 / float(np.max(np.abs(axis_B) / self.max_rate_rad_s))
+        """Return the rate at which the first axis is at its limit, inf where all are free."""
+        part = float(np.max(np.abs(axis_B) / self.max_rate_rad_s))
+        return 1.0 / part if part else np.inf
 
     def largest_momentum_n_m_s(self, inertia_kg_m2: FloatArray) -> float:
         """Return |J omega| of the worst corner."""

@@ -3,7 +3,8 @@
 """What the deterministic global search of a configuration begins with (backends/search.c).
 
 Starts: the short way, the long way, and (with a torque limit) all eight octants of first
-torque. A planar slew is a stationary point that is up to 37 % worse than the best known plan
+torque; on horizons of many steps also full torque about one axis, and octants the long way
+round. A planar slew is a stationary point that is up to 37 % worse than the best known plan
 (test_global.py), and no descent method leaves it; the octants do.
 """
 
@@ -15,6 +16,7 @@ import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.lie.arrays import Array
+from manifold_mpc_ros.mpc.program.options import MANY_STEPS
 from manifold_mpc_ros.mpc.scaling import scaling_of
 from manifold_mpc_ros.terminal.manifold import tangent_basis
 
@@ -33,6 +35,9 @@ def starts(config: AttitudeMpcConfig) -> Array:
         first, second = tangent_basis(config.pointing_axis_B).T
         leans = [] if attitude else [
             (*lean.tolist(), 0.0) for lean in (first, -first, second, -second)]
+    elif attitude and config.horizon > MANY_STEPS:
+        axes = [(*lean, 0.0) for lean in np.vstack([np.eye(3), -np.eye(3)]).tolist()]
+        leans = [*leans, *axes, *((*lean[:3], 1.0) for lean in leans)]
     return np.array([short, *([long_way] if attitude else []), *leans])
 
 

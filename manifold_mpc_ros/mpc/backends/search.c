@@ -100,19 +100,22 @@ static int leans(const double *from)
  * when enough is left to turn. Out of the plane it is better where the slew's own torque is nearly
  * a single component, so that the other two can help, the more so the weaker that component is
  * against what they can do; anywhere beside the half turn for a body that is much quicker about
- * another axis; and in any long turn whose slew is all but one component, or takes so many steps
- * that the plan can shape it. Found by comparison with all starts (docs/solver.md), not proved. */
-static int is_due(const controller *c, const double *from, double steps)
+ * another axis; and in any long turn whose slew is all but one component, or whose horizon has so
+ * many steps that the plan can shape it; the long way round where that is little longer. Found by
+ * comparison with all starts (docs/solver.md), not proved. */
+static int is_due(const controller *c, const double *from)
 {
     const double *state = c->s.g + STATE_REPORT;
     double turn = state[2] + state[3], second = state[4], weakness = state[5];
     if (!leans(from))
         return from[3] == 0.0 || turn > LONG_WAY_RAD;
+    if (from[3] != 0.0)
+        return turn > LEAN_LONG_RAD;
     if (POINTING)
         return turn > POINTING_RAD;
     double beside = PI - turn;
     return (second < 0.25 && beside < 0.05 + 0.17 * (weakness - 1.0))
-        || (turn > LEAN_RAD && (second < ALONE || steps > MANY_STEPS))
+        || (turn > LEAN_RAD && (second < ALONE || c->s.horizon > MANY_STEPS))
         || (beside < 0.035 && weakness > 2.0);
 }
 
@@ -207,7 +210,7 @@ static int search_starts(controller *c, plan *best, double steps, int patient)
 {
     double least = INFINITY, begun_s = now_s();
     for (long i = 0; i < c->start_count; ++i) {
-        if (!patient && !is_due(c, c->starts[i], steps))
+        if (!patient && !is_due(c, c->starts[i]))
             continue;
         if (least < INFINITY && is_over(c->deadline_s))
             break;
@@ -296,16 +299,15 @@ static int bend(controller *c, double steps)
     return found;
 }
 
-/* Find the best plan that ends in the terminal set, else the best without it. Where a slew takes
- * many steps the set stops most starts on their way to it, so the search goes without it first: a
+/* Find the best plan that ends in the terminal set, else the best without it. Where the horizon has
+ * many steps the set stops most starts on their way, so the search goes without it first: a
  * plan that ends in it is as good with it, and one that does not leads to one that does. */
 static int search_both(controller *c)
 {
-    double steps = slew_steps(c);
     c->inside = c->allowed;
     if (!c->inside)
         return search(c, 0);
-    if (!HAS_TERMINAL_SET || steps <= MANY_STEPS) {
+    if (!HAS_TERMINAL_SET || c->s.horizon <= MANY_STEPS) {
         int found = search(c, 1);
         if (!HAS_TERMINAL_SET || (found && reaches_set(c, &c->best)))
             return found;
@@ -313,7 +315,7 @@ static int search_both(controller *c)
     int found = search(c, 0);
     if (!found || reaches_set(c, &c->best))
         return found;
-    c->inside = !is_over(c->deadline_s) && bend(c, steps);
+    c->inside = !is_over(c->deadline_s) && bend(c, slew_steps(c));
     return 1;
 }
 

@@ -59,10 +59,12 @@ LEAN_STEPS = 5
 LONG_WAY_RAD = math.radians(130.0)
 # A pointing turn leans above this.
 POINTING_RAD = math.radians(100.0)
-# Any other leans above this when its slew is all but one torque component, or takes many steps.
+# Any other leans above this when its slew is all but one torque component, or the horizon has many
+# steps; there the long way round leans too, where it is little longer.
 LEAN_RAD = math.radians(80.0)
 ALONE = 0.1
-MANY_STEPS = 25.0
+MANY_STEPS = 25
+LEAN_LONG_RAD = math.radians(150.0)
 # Plans whose costs agree to this are equal; the rule then decides.
 TIE = 1e-7
 
