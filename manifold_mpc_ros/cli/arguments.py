@@ -11,6 +11,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import manifold_mpc_ros
+from manifold_mpc_ros.config.tables import SIMULATOR_NAME
+from manifold_mpc_ros.config.yaml_file import sections_of
 from manifold_mpc_ros.errors import ConfigurationError
 
 PACKAGE = 'manifold_mpc_ros'
@@ -63,7 +65,8 @@ def add_simulator_config(parser: argparse.ArgumentParser) -> None:
     """Add ``--simulator-config``."""
     parser.add_argument(
         '--simulator-config', type=Path, metavar='FILE',
-        help='parameter file of the simulator (default: the shipped simulator.yaml)')
+        help="parameter file of the simulator (default: the controller's, where that has a "
+             'section lgvi_simulator, else the shipped simulator.yaml)')
 
 
 def add_tolerances(parser: argparse.ArgumentParser) -> None:
@@ -72,8 +75,9 @@ def add_tolerances(parser: argparse.ArgumentParser) -> None:
         '--attitude-tolerance', type=positive_number, default=0.1, metavar='DEG',
         help='settled below this attitude error in degrees (default: %(default)s)')
     parser.add_argument(
-        '--rate-tolerance', type=positive_number, default=1e-3, metavar='RAD/S',
-        help='settled below this body rate in rad/s (default: %(default)s)')
+        '--rate-tolerance', type=positive_number, metavar='RAD/S',
+        help='settled below this body rate in rad/s (default: 0.001, and no more than full '
+             'torque stops within half the attitude tolerance)')
 
 
 def add_output(parser: argparse.ArgumentParser, default: str) -> None:
@@ -95,9 +99,16 @@ def controller_config_path(given: Path | None) -> Path:
     return given or shipped_config('controller.yaml')
 
 
-def simulator_config_path(given: Path | None) -> Path:
-    """Return the simulator's parameter file: the given one or the shipped one."""
-    return given or shipped_config('simulator.yaml')
+def config_paths(arguments: argparse.Namespace) -> tuple[Path, Path]:
+    """Return the parameter files of controller and simulator: those given or the shipped ones.
+
+    A file of the controller with a section for the simulator is that of both.
+    """
+    controller = controller_config_path(arguments.controller_config)
+    if arguments.simulator_config is not None:
+        return controller, arguments.simulator_config
+    both = any(section.split('/')[-1] == SIMULATOR_NAME for section in sections_of(controller))
+    return controller, controller if both else shipped_config('simulator.yaml')
 
 
 def shipped_config(name: str) -> Path:

@@ -18,26 +18,32 @@ from types import TracebackType
 from typing import NoReturn
 
 from manifold_mpc_ros.cli.arguments import shipped_config
-from manifold_mpc_ros.errors import ManifoldMpcError
+from manifold_mpc_ros.errors import ConfigurationError, ManifoldMpcError
 
 # Fast DDS and the others take this port for the first participant of a domain (DDSI-RTPS 9.6.1).
 _FIRST_PORT, _PORTS_PER_DOMAIN, _PARTICIPANT_OFFSET = 7400, 250, 10
 # Domains above 101 reach into the ports that Linux hands out to anybody.
 _DOMAINS = range(1, 102)
+# Its ports are the last below 65536.
+_LAST_DOMAIN = 232
 
 STOP_TIMEOUT_S = 5.0
 
 
-def free_domain_id() -> int:
-    """Return a ROS domain that nobody on this machine uses, another one for each process.
+@contextmanager
+def chosen_domain() -> Iterator[int]:
+    """Give the ROS domain that ROS_DOMAIN_ID names, one of its own where that is not set.
 
-    Raises ManifoldMpcError when all of them are taken.
+    Raises ConfigurationError for what is no domain.
     """
-    start = os.getpid() % len(_DOMAINS)
-    for domain in (*_DOMAINS[start:], *_DOMAINS[:start]):
-        if _is_free(domain):
-            return domain
-    raise ManifoldMpcError('no ROS domain is free on this machine (1 to 101 are all in use)')
+    given = os.environ.get('ROS_DOMAIN_ID', '')
+    if not given:
+        with reserved_domain() as domain:
+            yield domain
+    elif given.isdecimal() and int(given) <= _LAST_DOMAIN:
+        yield int(given)
+    else:
+        raise ConfigurationError('ROS_DOMAIN_ID', given, f'a number from 0 to {_LAST_DOMAIN}')
 
 
 @contextmanager

@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from manifold_mpc_ros.cli import processes
+from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lab.recording.bags.run import read_run
 from manifold_mpc_ros.lab.recording.bags.verdict import judge
 
@@ -29,7 +30,7 @@ DEMO = [sys.executable, '-m', 'manifold_mpc_ros.cli.main', 'demo']
 def environment() -> dict[str, str]:
     """Return the environment of a demo in an interpreter of its own."""
     path = os.pathsep.join([str(TOP), *filter(None, [os.environ.get('PYTHONPATH')])])
-    return dict(processes.node_environment(0), PYTHONPATH=path)
+    return {**processes.node_environment(0), 'PYTHONPATH': path, 'ROS_DOMAIN_ID': ''}
 
 
 def column(path: Path, name: str) -> np.ndarray:
@@ -138,12 +139,24 @@ def test_a_node_that_ends_by_itself_is_noticed(tmp_path: Path) -> None:
         assert group.stop() == {'no_such_node': 1}
 
 
-def test_a_taken_domain_is_not_used() -> None:
-    domain = processes.free_domain_id()
-    assert 1 <= domain <= 101
+def test_a_taken_domain_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv('ROS_DOMAIN_ID', raising=False)
+    with processes.chosen_domain() as domain:
+        assert 1 <= domain <= 101
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(('', 7400 + 250 * domain + 10))
-        assert processes.free_domain_id() != domain
+        with processes.chosen_domain() as other:
+            assert other != domain
+
+
+def test_the_domain_of_the_environment_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv('ROS_DOMAIN_ID', '0')
+    with processes.chosen_domain() as domain:
+        assert domain == 0
+    monkeypatch.setenv('ROS_DOMAIN_ID', '233')
+    with pytest.raises(ConfigurationError, match='from 0 to 232'), \
+            processes.chosen_domain():
+        pass
 
 
 def test_children_find_their_own_ros_libraries(monkeypatch: pytest.MonkeyPatch) -> None:

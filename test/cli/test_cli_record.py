@@ -39,7 +39,7 @@ REPRODUCED = ('/odometry', '/imu', '/odometry_link', '/torque_command', '/attitu
 
 def environment() -> dict[str, str]:
     path = os.pathsep.join([str(TOP), *filter(None, [os.environ.get('PYTHONPATH')])])
-    return dict(node_environment(0), PYTHONPATH=path)
+    return {**node_environment(0), 'PYTHONPATH': path, 'ROS_DOMAIN_ID': ''}
 
 
 def scenario(folder: Path, **more: Any) -> Path:

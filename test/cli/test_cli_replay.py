@@ -30,7 +30,7 @@ def run(*arguments: object) -> subprocess.CompletedProcess[str]:
     """Run the command without HOME, which it does not need."""
     pytest.importorskip('rclpy')
     path = os.pathsep.join([str(TOP), *filter(None, [os.environ.get('PYTHONPATH')])])
-    environment = dict(node_environment(0), PYTHONPATH=path)
+    environment = {**node_environment(0), 'PYTHONPATH': path, 'ROS_DOMAIN_ID': ''}
     environment.pop('HOME', None)
     return subprocess.run(
         [*MANIFOLD_MPC, *map(str, arguments)], env=environment, text=True, capture_output=True,

@@ -22,7 +22,8 @@ def run(folder: Path, *arguments: str) -> str:
     done = subprocess.run(
         [sys.executable, '-m', 'manifold_mpc_ros.cli.main', *arguments], text=True, check=False,
         env=node_environment(0) | {
-            'PYTHONPATH': path, 'ROS_SECURITY_ENABLE': 'true', 'ROS_SECURITY_STRATEGY': 'Enforce',
+            'PYTHONPATH': path, 'ROS_DOMAIN_ID': '', 'ROS_SECURITY_ENABLE': 'true',
+            'ROS_SECURITY_STRATEGY': 'Enforce',
             'ROS_SECURITY_KEYSTORE': str(folder / 'absent'),
             'ROS_SECURITY_ENCLAVE_OVERRIDE': '/operator'},
         cwd=folder, capture_output=True, timeout=240)

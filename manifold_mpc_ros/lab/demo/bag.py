@@ -149,7 +149,7 @@ def _scenario(
         'acceptance': {
             'attitude_tolerance_deg': arguments.attitude_tolerance,
             'rate_tolerance_rad_s': arguments.rate_tolerance,
-            'settle_time_s': arguments.time_limit,
+            'settle_time_s': arguments.duration,
             'final_error_deg': arguments.attitude_tolerance}}, sort_keys=False))
 
 

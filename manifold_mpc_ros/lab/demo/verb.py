@@ -16,8 +16,8 @@ from manifold_mpc_ros.cli import arguments as shared
 from manifold_mpc_ros.cli.extras import require
 from manifold_mpc_ros.cli.processes import (
     NodeProcesses,
+    chosen_domain,
     end_on_sigterm,
-    free_domain_id,
     node_environment,
     stay_private,
 )
@@ -27,6 +27,7 @@ from manifold_mpc_ros.config.description import PLAIN
 from manifold_mpc_ros.errors import ConfigurationError, ManifoldMpcError
 from manifold_mpc_ros.lab.closed_loop import settling_time
 from manifold_mpc_ros.lab.demo.bag import DemoBag
+from manifold_mpc_ros.lab.demo.defaults import set_defaults
 from manifold_mpc_ros.lab.demo.watch import HOLD_S, StartWatch, loop_is_closed, watch_until_settled
 from manifold_mpc_ros.lab.recording.scenarios.scenario import is_shipped_state
 from manifold_mpc_ros.mpc.target import error_angle
@@ -50,9 +51,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     shared.add_controller_config(parser)
     shared.add_simulator_config(parser)
     parser.add_argument(
-        '--time-limit', type=shared.positive_number, default=40.0, metavar='S',
-        help='wall clock from the first command until the attitude has settled '
-             '(default: %(default)s)')
+        '--time-limit', dest='duration', type=shared.positive_number, metavar='S',
+        help='wall clock from the first command until the attitude has settled (default: 40, and '
+             'at least twice the horizon)')
     parser.add_argument(
         '--start-limit', type=shared.positive_number, default=60.0, metavar='S',
         help='wall clock until the first command: discovery, and building the solver '
@@ -65,25 +66,26 @@ def run(arguments: argparse.Namespace) -> int:
     """Run both nodes until the attitude settled or time is up; 0 when it settled."""
     from manifold_mpc_ros.cli import console as report
     from manifold_mpc_ros.lab.demo.display import DemoDisplay
-    files = (shared.controller_config_path(arguments.controller_config),
-             shared.simulator_config_path(arguments.simulator_config))
+    files = shared.config_paths(arguments)
     config = ControllerConfig.from_yaml(files[0])
     SimulatorConfig.from_yaml(files[1])
     if not is_shipped_state(config.state_source) or config.command_sink != PLAIN:
         raise ConfigurationError(
             'state_source and command_sink', [config.state_source, config.command_sink],
             'the shipped messages; manifold-mpc record runs a scenario in those of another stack')
+    set_defaults(arguments, config.mpc)
     require('demo', 'rclpy')
     from manifold_mpc_ros.lab.recording.nodes.history import Recorder
     arguments.output.mkdir(parents=True, exist_ok=True)
-    domain_id, namespace = free_domain_id(), f'/demo_{os.getpid()}'
-    environment = node_environment(domain_id)
     stay_private(os.environ)  # the recorder is in this process
     end_on_sigterm()
-    console = report.make_console()
-    console.print(f'Two processes on ROS_DOMAIN_ID={domain_id}, topics under {namespace}')
-    with Recorder(domain_id, namespace) as recorder, NodeProcesses() as processes, \
+    console, namespace = report.make_console(), f'/demo_{os.getpid()}'
+    with chosen_domain() as domain_id, Recorder(domain_id, namespace) as recorder, \
+            NodeProcesses() as processes, \
             DemoBag(arguments.output / 'bag', domain_id, namespace) as bag:
+        environment = node_environment(domain_id)
+        console.print(f'Two processes on ROS_DOMAIN_ID={domain_id}, topics under {namespace}')
+
         def start(module: str, file: Path, *more: str) -> None:
             processes.start(
                 module, ['--params-file', str(file), '-r', f'__ns:={namespace}', *more],

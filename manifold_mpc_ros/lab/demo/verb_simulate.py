@@ -8,7 +8,6 @@ import argparse
 import math
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,11 +16,9 @@ from manifold_mpc_ros.config.control_law import AttitudeMpcConfig, SimulatorConf
 from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.control.plan_watch import PlanWatch
 from manifold_mpc_ros.lab.closed_loop import ClosedLoopLog, run_closed_loop
+from manifold_mpc_ros.lab.demo.defaults import set_defaults
 from manifold_mpc_ros.mpc.target import error_angle
 from manifold_mpc_ros.sim.plant import Plant
-
-if TYPE_CHECKING:
-    pass
 
 EXAMPLES = """\
   manifold-mpc simulate
@@ -39,8 +36,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     shared.add_controller_config(parser)
     shared.add_simulator_config(parser)
     parser.add_argument(
-        '--duration', type=shared.positive_number, default=40.0, metavar='S',
-        help="simulated time, a multiple of the controller's step (default: %(default)s)")
+        '--duration', type=shared.positive_number, metavar='S',
+        help="simulated time, a multiple of the controller's step (default: 40, and at least "
+             'twice the horizon)')
     parser.add_argument(
         '--disturbance-frame', choices=('body', 'inertial'), default='body',
         help="components that the simulator's disturbance torque is constant in "
@@ -55,12 +53,12 @@ def run(arguments: argparse.Namespace) -> int:
     from manifold_mpc_ros.cli import console as report
     from manifold_mpc_ros.cli.progress import Progress
     from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
-    controller = ControllerConfig.from_yaml(
-        shared.controller_config_path(arguments.controller_config))
+    files = shared.config_paths(arguments)
+    controller = ControllerConfig.from_yaml(files[0])
     config = controller.mpc
     plant = Plant(
-        SimulatorConfig.from_yaml(shared.simulator_config_path(arguments.simulator_config)),
-        disturbance_frame=arguments.disturbance_frame)
+        SimulatorConfig.from_yaml(files[1]), disturbance_frame=arguments.disturbance_frame)
+    set_defaults(arguments, config)
     arguments.output.mkdir(parents=True, exist_ok=True)
     console = report.make_console()
     with console.status('Designing the terminal set and building the solver'):

@@ -74,13 +74,13 @@ def watch_until_settled(
     """Listen until the body has held its attitude for a while, or the time is up."""
     begun_s = time.monotonic()
     within_since_s: float | None = None
-    while (elapsed_s := time.monotonic() - begun_s) < arguments.time_limit:
+    while (elapsed_s := time.monotonic() - begun_s) < arguments.duration:
         _require_running(processes)
         recorder.spin(LISTEN_S)
         state_s, R_NB, omega_BN_B = recorder.latest_state()
         error_rad = float(error_angle(config, R_NB))
         rate_rad_s = float(np.linalg.norm(omega_BN_B))
-        display.running(elapsed_s, arguments.time_limit, error_rad, rate_rad_s,
+        display.running(elapsed_s, arguments.duration, error_rad, rate_rad_s,
                         recorder.latest_torque(), recorder.mode)
         if not _within(arguments, error_rad, rate_rad_s):
             within_since_s = None

@@ -19,8 +19,8 @@ from manifold_mpc_ros.cli.extras import require
 from manifold_mpc_ros.cli.processes import (
     Interrupts,
     NodeProcesses,
+    chosen_domain,
     node_environment,
-    reserved_domain,
     stay_private,
 )
 from manifold_mpc_ros.errors import BagError, ConfigurationError, ManifoldMpcError
@@ -137,7 +137,7 @@ def _record(
     with ExitStack() as stack:
         interrupts = stack.enter_context(Interrupts())
         logs = stack.enter_context(_logs())
-        domain = stack.enter_context(reserved_domain())
+        domain = stack.enter_context(chosen_domain())
         writer = stack.enter_context(BagWriter(
             path, arguments.storage, compress=arguments.compress))
         outcome = stack.enter_context(_outcome(writer))

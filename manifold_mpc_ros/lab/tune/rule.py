@@ -65,9 +65,10 @@ def half_turn_s(config: AttitudeMpcConfig) -> float:
 def settled_rate_rad_s(config: AttitudeMpcConfig, accuracy_rad: float) -> float:
     """Return the rate that counts as rest: ``sqrt(accuracy * a)``.
 
-    Full torque about the slowest axis stops it within half the accuracy.
+    Full torque about the slowest axis stops it within half the accuracy; inf without limits.
     """
-    assert config.max_torque_n_m is not None
+    if config.max_torque_n_m is None:
+        return math.inf
     slowest = float(np.min(config.max_torque_n_m / np.diag(config.inertia_kg_m2)))
     return math.sqrt(accuracy_rad * slowest)
 

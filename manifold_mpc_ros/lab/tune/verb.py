@@ -7,51 +7,47 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import yaml
 
 from manifold_mpc_ros.cli import arguments as shared
 from manifold_mpc_ros.config.parameter import Value, resolve_parameters
-from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
-from manifold_mpc_ros.config.yaml_file import read_parameter_file
+from manifold_mpc_ros.config.tables import (
+    CONTROLLER_NAME,
+    CONTROLLER_PARAMETERS,
+    SIMULATOR_NAME,
+)
+from manifold_mpc_ros.config.yaml_file import read_parameter_file, sections_of
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lab.tune import rule
-from manifold_mpc_ros.lab.tune.rule import Timing, Weights
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from manifold_mpc_ros.lab.batch.model_loop import LoopingMpc
-    from manifold_mpc_ros.lab.tune.trial import Outcome, Slew
+    from manifold_mpc_ros.lab.tune.choice import Trial
+    from manifold_mpc_ros.lab.tune.trial import Outcome
 
 EXAMPLES = """\
   manifold-mpc tune mine.yaml -o mine_controller.yaml
       mine.yaml is a parameter file of the controller that has spacecraft and limits; the file
-      written is complete, and says at its head what was decided and why
+      written is complete, for the simulator too, and says at its head what was decided and why
   manifold-mpc tune mine.yaml -o mine_controller.yaml --step 0.2 --slew 0 0 90
       a given control period, and the slew that is to be flown (a rotation vector in degrees)
   manifold-mpc tune mine.yaml -o mine_controller.yaml --gentler
       less torque, later
 """
-# Angles that full torque is worth, as multiples of the accuracy, and dampings that are tried.
+# Angles that full torque is worth, as multiples of the accuracy.
 FASTER, NORMAL, GENTLER = 2.0, 5.0, 100.0
-DAMPINGS = (0.015, 0.02, 0.03, 0.05, 0.08)
 NEEDED = ('spacecraft.inertia_kg_m2', 'limits.max_torque_n_m', 'limits.max_rate_rad_s')
+# What controller and simulator have in common, and steps of the plant and states a period.
+SHARED = ('spacecraft.inertia_kg_m2', 'limits.max_torque_n_m')
+PLANT_STEPS, STATES = 20, 10
 # Part of the period that 99 % of the solves may take; bodies and disturbances of the margins.
 SOLVE_PART = 0.5
 MARGINS = (('inertia 10 % larger', 1.1, 0.0), ('inertia 10 % smaller', 0.9, 0.0),
            ('2 % of the torque as disturbance', 1.0, 0.02))
-
-
-class Trial(NamedTuple):
-    """One choice of weights, the parameters it gives, and how it flew."""
-
-    weights: Weights
-    chosen: dict[str, Value]
-    mpc: LoopingMpc
-    outcomes: list[Outcome]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -78,31 +74,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Tune, print, write; 0 when all loops settled within their limits and solves fit."""
     from manifold_mpc_ros.cli import console as report
-    from manifold_mpc_ros.lab.tune import trial
+    from manifold_mpc_ros.lab.tune import choice, trial
     console = report.make_console()
     given = read_parameter_file(arguments.spacecraft, CONTROLLER_NAME)
     values = _values(given)
     accuracy = float(np.radians(arguments.accuracy))
     slews = (trial.default_slews() if arguments.slew is None
              else [trial.Slew(np.radians(arguments.slew))])
-    trials = []
     with console.status('Closing loops') as status:
-        for damping in DAMPINGS:
-            weights = Weights(arguments.effort * accuracy, damping)
-            timing, half_turn = rule.timing_of(values, weights, arguments.step)
-            status.update(f'Closing loops with damping {damping:g}')
-            trials.append(_fly(values, timing, weights, half_turn, slews, accuracy))
-    # Equal within a percent: the better damped one.
-    best = min(trials, key=lambda each: (
-        round(trial.worst_ratio(each.outcomes), 2), -each.weights.damping))
-    hardest = max(best.outcomes, key=lambda outcome: outcome.ratio)
+        trials = choice.try_dampings(
+            values, arguments.effort, accuracy, slews, arguments.step,
+            lambda damping: status.update(f'Closing loops with damping {damping:g}'))
+    best = choice.best_of(trials)
+    hardest = best.hardest
     times_s = trial.solve_times_s(best.mpc, hardest.slew)
     rows = _rows(best, hardest, accuracy, times_s)
     console.print(report.grid_table(
         'Weights tried', ('damping', 'worst settling / bound', 'median', 'ticks infeasible'),
         [_candidate_row(each) for each in trials]))
     console.print(report.result_table('Chosen', rows))
-    _write(arguments.output, given, best.chosen, rows)
+    _write(arguments.output, given, _simulator(arguments.spacecraft), best, rows)
     report.say_written(console, [arguments.output])
     return _verdict(console, best, hardest, times_s)
 
@@ -116,14 +107,11 @@ def _values(given: Mapping[str, Any]) -> dict[str, Value]:
     return resolve_parameters(CONTROLLER_PARAMETERS, given, complete=False)
 
 
-def _fly(values: Mapping[str, Value], timing: Timing, weights: Weights, half_turn: float,
-         slews: Sequence[Slew], accuracy: float) -> Trial:
-    """Build one controller and fly every slew."""
-    from manifold_mpc_ros.lab.batch.model_loop import LoopingMpc
-    from manifold_mpc_ros.lab.tune import trial
-    chosen, config = rule.controller(values, timing, weights, half_turn)
-    mpc = LoopingMpc(config)
-    return Trial(weights, chosen, mpc, trial.fly(mpc, slews, accuracy))
+def _simulator(path: Path) -> Mapping[str, Any]:
+    """Return the parameters that the file has for the simulator."""
+    if not any(section.split('/')[-1] == SIMULATOR_NAME for section in sections_of(path)):
+        return {}
+    return read_parameter_file(path, SIMULATOR_NAME)
 
 
 def _candidate_row(each: Trial) -> tuple[str, ...]:
@@ -168,21 +156,36 @@ def _settled(outcome: Outcome) -> str:
             f'{outcome.bound_s:.4g} s')
 
 
-def _write(path: Path, given: Mapping[str, Any], chosen: Mapping[str, Value],
+def _write(path: Path, given: Mapping[str, Any], simulator: Mapping[str, Any], best: Trial,
            rows: Sequence[tuple[str, str]]) -> None:
-    """Write the parameters as the controller's file, with the reasons as comments."""
+    """Write the parameters of both nodes, what they share once, with the reasons as comments."""
+    step_s = best.mpc.config.step_s
+    chosen = {**given, **best.chosen}
+    plant = {**simulator, 'timing.control_period_s': step_s,
+             'plant.step_s': step_s / PLANT_STEPS, 'timing.state_period_s': step_s / STATES}
+    sections = {'/**': {name: chosen.pop(name) for name in SHARED},
+                f'/**/{CONTROLLER_NAME}': chosen,
+                f'/**/{SIMULATOR_NAME}': {
+                    name: value for name, value in plant.items()
+                    if name not in SHARED or value != given.get(name)}}
+    head = ['Parameters of both nodes, by manifold-mpc tune (docs/tuning.md).',
+            *(f'{name}: {text}' for name, text in rows)]
+    body = yaml.safe_dump({section: {'ros__parameters': _nested(values)}
+                           for section, values in sections.items()},
+                          sort_keys=False, default_flow_style=None)
+    path.write_text(''.join(f'# {line}\n' for line in head) + body, encoding='utf-8')
+
+
+def _nested(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return dotted names as nested keys."""
     tree: dict[str, Any] = {}
-    for name, value in {**given, **chosen}.items():
+    for name, value in values.items():
         *groups, last = name.split('.')
         branch = tree
         for group in groups:
             branch = branch.setdefault(group, {})
         branch[last] = value
-    head = ['Parameters of the node attitude_controller, by manifold-mpc tune (docs/tuning.md).',
-            *(f'{name}: {text}' for name, text in rows)]
-    body = yaml.safe_dump({f'/**/{CONTROLLER_NAME}': {'ros__parameters': tree}},
-                          sort_keys=False, default_flow_style=None)
-    path.write_text(''.join(f'# {line}\n' for line in head) + body, encoding='utf-8')
+    return tree
 
 
 def _verdict(console: Console, best: Trial, hardest: Outcome, times_s: np.ndarray) -> int:

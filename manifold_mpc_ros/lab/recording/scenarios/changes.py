@@ -4,14 +4,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
+from pathlib import Path
 from typing import Any, TypeVar
 
+import yaml
+
 from manifold_mpc_ros.config.parameter import ParameterSpec, Value, refuse_unknown, with_named
+from manifold_mpc_ros.config.tables import CONTROLLER_NAME, SIMULATOR_NAME
+from manifold_mpc_ros.config.yaml_file import parse_mapping, read_parameter_file
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lab.parameter_files import flatten_parameters
 
 Built = TypeVar('Built')
+
+
+#: The key of a scenario that names a parameter file of both nodes, beside it.
+PARAMETERS = 'parameters'
+
+
+def with_parameter_file(text: str, path: Path, decided: Container[str]) -> str:
+    """Return a scenario's text with the parameters of the file that it names written out.
+
+    The scenario's own changes win; what its ``time`` decides is left out of the file's.
+    """
+    document = dict(parse_mapping(text, 'scenario', str(path)))
+    if PARAMETERS not in document:
+        return text
+    file = path.parent / str(document.pop(PARAMETERS))
+    for group, node in (('controller', CONTROLLER_NAME), ('simulator', SIMULATOR_NAME)):
+        own = document.get(group) or {}
+        if not isinstance(own, Mapping):
+            return text
+        shared = {name: value for name, value in read_parameter_file(file, node).items()
+                  if name not in decided}
+        document[group] = {**shared, **flatten_parameters(own)}
+    return yaml.safe_dump(document, sort_keys=False, default_flow_style=None)
 
 
 def parameter_changes(

@@ -24,7 +24,11 @@ from manifold_mpc_ros.config.parameter import Value, resolve_parameters
 from manifold_mpc_ros.config.tables import CONTROLLER_PARAMETERS, SIMULATOR_PARAMETERS
 from manifold_mpc_ros.config.yaml_file import parse_mapping, read_text
 from manifold_mpc_ros.errors import ConfigurationError
-from manifold_mpc_ros.lab.recording.scenarios.changes import named, parameter_changes
+from manifold_mpc_ros.lab.recording.scenarios.changes import (
+    named,
+    parameter_changes,
+    with_parameter_file,
+)
 from manifold_mpc_ros.lab.recording.scenarios.keys import (
     GROUPS,
     SCENARIO_KEYS,
@@ -61,7 +65,7 @@ class Scenario:
 
     ``controller`` and ``simulator`` hold the changes to the shipped parameters by their dotted
     ROS names; `controller_parameters` and `simulator_parameters` are complete. ``text`` is the
-    YAML that it was read from, to the letter.
+    YAML that it was read from, to the letter unless that names a parameter file.
 
     Raises ConfigurationError from the constructors; names the key, its value and what would be
     valid.
@@ -83,9 +87,10 @@ class Scenario:
     def from_yaml(cls, path: str | Path) -> Scenario:
         """Read a scenario file; its name is the file's, without ``.yaml``.
 
-        Files of descriptions, beside it, become a part of its text.
+        Files of descriptions, beside it, become a part of its text, and so does the parameter
+        file of both nodes that ``parameters`` names.
         """
-        text = read_text(path, 'scenario')
+        text = with_parameter_file(read_text(path, 'scenario'), Path(path), DECIDED_BY_TIME)
         given = parse_mapping(text, 'scenario', str(path))
         controller = given.get('controller')
         if isinstance(controller, dict):
