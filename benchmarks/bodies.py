@@ -9,13 +9,13 @@
 Body, weights, length of the horizon in time and steps are drawn at random, and four turns each.
 Every instance is solved at two horizons with the same step, the second half as long again, and a
 second time 0.3 degrees beside the turn. The best known plan (best_known.py) is that of 74 starts,
-most far from those of the search, and of IPOPT from 18 starts where that was asked; a cost that
-either found at the shorter horizon is known at the longer one too. It depends on no rule of the
-search, so it is kept in a file to which both commands append, and go on where they stopped.
-Counted by ``judge`` are plans dearer than that by more than 1e-6; costs that rise with the
-horizon, or by more than 2 % within 0.3 degrees; states called infeasible from which some start,
-`domain` or IPOPT finds a plan, and the other way round. Exit status 1 when the promise of
-docs/solver.md does not hold.
+by no rule of the search, and of IPOPT from 18 starts where it was asked; a cost that either found
+at the shorter horizon is known at the longer one too. It does not depend on the search, so it is
+kept in a file to which both commands append, and go on where they stopped; so does ``judge``
+(bodies.judged: to be removed when the search has changed). Counted by ``judge`` are plans dearer
+than that by more than 1e-6; costs that rise with the horizon, or by more than 2 % within 0.3
+degrees; states called infeasible from which some start, `domain` or IPOPT finds a plan, and the
+other way round. Exit status 1 when the promise of docs/solver.md does not hold.
 """
 
 from __future__ import annotations
@@ -182,15 +182,17 @@ def ask_ipopt(known: Known, longest: int) -> None:
                 print(number, horizon, flush=True)
 
 
-def judge(known: Known) -> list[list[dict[str, Any]]]:
-    """Solve every instance that is known; return its rows, one a horizon."""
-    pairs = []
+def judge(known: Known, path: Path) -> list[list[dict[str, Any]]]:
+    """Solve every instance that is known and not in the file yet; return its rows in pairs."""
+    lines = path.read_text(encoding='utf-8').splitlines() if path.exists() else []
+    pairs = [json.loads(line) for line in lines]
+    there = {pair[0]['number'] for pair in pairs}
     for number, rows in itertools.groupby(known.rows(), key=lambda row: row[0]):
-        if len(list(rows)) == 2:
+        if len(list(rows)) == 2 and number not in there:
             pairs.append([judged(instance, mpc, vector, known)
                           for instance, mpc, vector in controllers(number)])
-            if len(pairs) % 100 == 0:
-                print({**summary(pairs), 'exceptions': None}, flush=True)
+            with path.open('a', encoding='utf-8') as file:
+                file.write(json.dumps(pairs[-1]) + '\n')
     return pairs
 
 
@@ -255,7 +257,7 @@ def main() -> int:
     if arguments.command == 'ipopt':
         ask_ipopt(known, arguments.longest)
         return 0
-    result = summary(judge(known))
+    result = summary(judge(known, arguments.known.with_suffix('.judged')))
     print({**result, 'exceptions': len(result['exceptions'])})
     if arguments.output:
         arguments.output.write_text(json.dumps(result, indent=1) + '\n', encoding='utf-8')
