@@ -115,8 +115,9 @@ def _parameter(spec: ParameterSpec) -> list[str]:
     unit = f' [{spec.unit}]' if spec.unit else ''
     head = f'  {"*" if spec.required else " "} {spec.name}{unit} = {_text(spec.default)}'
     body = f'{spec.description}; {spec.valid}'
-    return [head, *textwrap.wrap(
-        body, _WIDTH, initial_indent=' ' * 8, subsequent_indent=' ' * 8)]
+    indent = ' ' * 8
+    return [*textwrap.wrap(head, _WIDTH, subsequent_indent=indent), *textwrap.wrap(
+        body, _WIDTH, initial_indent=indent, subsequent_indent=indent)]
 
 
 def _text(value: Value) -> str:

@@ -28,7 +28,7 @@ PROGRAM = Program.managed(
         ('direction_setpoint', 'geometry_msgs/msg/Vector3Stamped', 'commanded direction'),
         *command_topics(),
         ('attitude_controller/prediction', 'nav_msgs/msg/Path', 'predicted attitudes'),
-        ('attitude_controller/description', 'std_msgs/msg/String', 'its cones; and their topics'),
+        ('attitude_controller/description', 'std_msgs/msg/String', 'cones, their topics'),
     ),
     publishes=(
         ('~/markers', 'visualization_msgs/msg/MarkerArray', 'only while somebody reads'),
