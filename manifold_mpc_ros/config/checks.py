@@ -15,7 +15,6 @@ import numpy.typing as npt
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie.arrays import Array
 
-FloatArray = Array
 #: Maps the name and the value of a field to a clean value, or raises ConfigurationError.
 Check = Callable[[str, Any], object]
 
@@ -85,7 +84,7 @@ def choice(key: str, value: object, choices: Sequence[str]) -> str:
     return value
 
 
-def array(key: str, value: object, valid: str, *, infinite: bool = False) -> FloatArray:
+def array(key: str, value: object, valid: str, *, infinite: bool = False) -> Array:
     """Return ``value`` as a new float array without NaN, and without inf unless allowed."""
     try:
         raw = np.asarray(value)
@@ -100,7 +99,7 @@ def array(key: str, value: object, valid: str, *, infinite: bool = False) -> Flo
     return result
 
 
-def vector(key: str, value: object, size: int = 3) -> FloatArray:
+def vector(key: str, value: object, size: int = 3) -> Array:
     """Return ``value`` as a read-only vector of ``size`` finite numbers."""
     valid = f'{size} numbers'
     result = array(key, value, valid)
@@ -109,7 +108,7 @@ def vector(key: str, value: object, size: int = 3) -> FloatArray:
     return frozen(result)
 
 
-def limit(key: str, value: Any) -> FloatArray | None:
+def limit(key: str, value: Any) -> Array | None:
     """Return a (3,) box of positive limits, or None when no axis is limited.
 
     A single number limits every axis; ``inf`` leaves its axis free; ``None`` leaves all free.
@@ -132,7 +131,7 @@ def bound(key: str, value: Any) -> float | None:
     return positive(key, given)
 
 
-def ellipsoids(key: str, value: Any) -> FloatArray | None:
+def ellipsoids(key: str, value: Any) -> Array | None:
     """Return E (n, 3, 3) of ellipsoids ``x^T E x <= 1``: one E (3 or 3x3) or several, or None."""
     if value is None:
         return None
@@ -146,7 +145,7 @@ def ellipsoids(key: str, value: Any) -> FloatArray | None:
     return frozen(np.array(several))
 
 
-def symmetric(key: str, value: object) -> FloatArray:
+def symmetric(key: str, value: object) -> Array:
     """Return a symmetric 3x3 from 3 diagonal numbers, 9 in row order, or a 3x3."""
     valid = '3 numbers (the diagonal), 9 numbers (row by row) or a 3x3 matrix'
     given = array(key, value, valid)
@@ -160,7 +159,7 @@ def symmetric(key: str, value: object) -> FloatArray:
     return frozen((full + full.T) / 2.0)
 
 
-def inertia(key: str, value: object) -> FloatArray:
+def inertia(key: str, value: object) -> Array:
     """Return the inertia tensor J [kg m^2] of a body that can exist, as a symmetric 3x3.
 
     Its principal moments are positive and obey ``J_1 + J_2 > J_3`` strictly, which says that the
@@ -179,7 +178,7 @@ def inertia(key: str, value: object) -> FloatArray:
     return tensor
 
 
-def trace_weight(key: str, value: object, *, definite: bool) -> FloatArray:
+def trace_weight(key: str, value: object, *, definite: bool) -> Array:
     """Return a weight Q of a trace cost ``tr(Q (I - g))`` as a symmetric 3x3.
 
     The cost is positive away from the identity exactly when ``tr(Q) I - Q`` is positive definite;
@@ -202,7 +201,7 @@ def trace_weight(key: str, value: object, *, definite: bool) -> FloatArray:
     return weight
 
 
-def unit_quaternion(key: str, value: object) -> FloatArray:
+def unit_quaternion(key: str, value: object) -> Array:
     """Return ``value`` as a unit quaternion in the order given; the norm may be off by 1e-2."""
     given = vector(key, value, 4)
     norm = float(np.linalg.norm(given))
@@ -211,7 +210,7 @@ def unit_quaternion(key: str, value: object) -> FloatArray:
     return frozen(given / norm)
 
 
-def direction(key: str, value: object) -> FloatArray:
+def direction(key: str, value: object) -> Array:
     """Return ``value``, three numbers that are not all zero, as a unit vector."""
     given = vector(key, value)
     norm = float(np.linalg.norm(given))
@@ -226,7 +225,7 @@ def fields(config: object, table: Mapping[str, Check]) -> None:
         object.__setattr__(config, name, check(name, getattr(config, name)))
 
 
-def frozen(values: FloatArray) -> FloatArray:
+def frozen(values: Array) -> Array:
     """Return ``values`` after making them read-only."""
     values.setflags(write=False)
     return values
@@ -246,7 +245,7 @@ def _numbers(values: npt.NDArray[Any]) -> str:
     return ', '.join(f'{value:.6g}' for value in values)
 
 
-def each_positive(key: str, value: object, n: int, *, infinite: bool = False) -> FloatArray:
+def each_positive(key: str, value: object, n: int, *, infinite: bool = False) -> Array:
     """Return (n,) positive numbers from as many, or from one."""
     valid = f'one positive number, or {n}'
     given = array(key, value, valid, infinite=infinite)

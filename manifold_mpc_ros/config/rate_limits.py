@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from manifold_mpc_ros.config.checks import CORNERS, FloatArray
-from manifold_mpc_ros.lie.arrays import BoolArray
+from manifold_mpc_ros.config.checks import CORNERS
+from manifold_mpc_ros.lie.arrays import Array, BoolArray
 
 
 class RateLimit(ABC):
@@ -42,11 +42,11 @@ class RateLimit(ABC):
         """The largest |omega|; axes without a limit do not count."""
 
     @abstractmethod
-    def rate_about(self, axis_B: FloatArray) -> float:
+    def rate_about(self, axis_B: Array) -> float:
         """Return the largest rate about a unit axis (3,) [rad/s]."""
 
     @abstractmethod
-    def largest_momentum_n_m_s(self, inertia_kg_m2: FloatArray) -> float:
+    def largest_momentum_n_m_s(self, inertia_kg_m2: Array) -> float:
         """Return the largest |J omega|; axes without a limit do not count."""
 
 
@@ -56,7 +56,7 @@ class RateBox(RateLimit):
     name = 'rate'
     description = 'rate limit, |omega_i| <= max_rate_i'
 
-    def __init__(self, max_rate_rad_s: FloatArray) -> None:
+    def __init__(self, max_rate_rad_s: Array) -> None:
         """Keep the half widths (3,)."""
         self.max_rate_rad_s = max_rate_rad_s
         self._limited = np.flatnonzero(np.isfinite(max_rate_rad_s)).tolist()
@@ -77,12 +77,12 @@ class RateBox(RateLimit):
         """The distance of a corner."""
         return float(np.linalg.norm(self.max_rate_rad_s[self._limited]))
 
-    def rate_about(self, axis_B: FloatArray) -> float:
+    def rate_about(self, axis_B: Array) -> float:
         """Return the rate at which the first axis is at its limit, inf where all are free."""
         part = float(np.max(np.abs(axis_B) / self.max_rate_rad_s))
         return 1.0 / part if part else np.inf
 
-    def largest_momentum_n_m_s(self, inertia_kg_m2: FloatArray) -> float:
+    def largest_momentum_n_m_s(self, inertia_kg_m2: Array) -> float:
         """Return |J omega| of the worst corner."""
         box = np.where(np.isfinite(self.max_rate_rad_s), self.max_rate_rad_s, 0.0)
         return float(np.linalg.norm((CORNERS * box) @ inertia_kg_m2, axis=1).max())
@@ -94,7 +94,7 @@ class RateEllipsoid(RateLimit):
     name = 'rate ellipsoid'
     description = 'rate limit, omega^T E omega <= 1'
 
-    def __init__(self, E_s2: FloatArray) -> None:
+    def __init__(self, E_s2: Array) -> None:
         """Keep E."""
         self.E_s2 = E_s2
 
@@ -116,16 +116,16 @@ class RateEllipsoid(RateLimit):
         """The longest half axis, ``lambda_min(E)^(-1/2)``."""
         return float(np.linalg.eigvalsh(self.E_s2)[0]) ** -0.5
 
-    def rate_about(self, axis_B: FloatArray) -> float:
+    def rate_about(self, axis_B: Array) -> float:
         """Return ``(a^T E a)^(-1/2)``."""
         return float(axis_B @ self.E_s2 @ axis_B) ** -0.5
 
-    def largest_momentum_n_m_s(self, inertia_kg_m2: FloatArray) -> float:
+    def largest_momentum_n_m_s(self, inertia_kg_m2: Array) -> float:
         """Return ``lambda_max(J E^-1 J)^(1/2)``."""
         spread = inertia_kg_m2 @ np.linalg.solve(self.E_s2, inertia_kg_m2)
         return float(np.linalg.eigvalsh((spread + spread.T) / 2)[-1]) ** 0.5
 
-    def largest_energy_j(self, inertia_kg_m2: FloatArray) -> float:
+    def largest_energy_j(self, inertia_kg_m2: Array) -> float:
         """Return the largest kinetic energy below which every rate is inside [J].
 
         ``omega^T E omega <= lambda_max(J^-1 E) omega^T J omega``.
@@ -134,7 +134,7 @@ class RateEllipsoid(RateLimit):
         return 1.0 / (2.0 * float(worst))
 
 
-def rates_beyond(limits: Sequence[RateLimit], omega_BN_B: FloatArray, slack: float) -> BoolArray:
+def rates_beyond(limits: Sequence[RateLimit], omega_BN_B: Array, slack: float) -> BoolArray:
     """Return which of n rates (n, 3) leave a limit by more than a relative slack."""
     beyond = np.zeros(len(omega_BN_B), dtype=bool)
     for limit in limits:

@@ -13,11 +13,11 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from manifold_mpc_ros.cli.plot_style import AXIS_COLOURS, AXIS_NAMES, INK, LIMIT_COLOUR
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.lab.recording.bags import measures
 from manifold_mpc_ros.lab.recording.bags.cones import cone_histories
 from manifold_mpc_ros.lab.recording.bags.run import BagRun
 from manifold_mpc_ros.lab.report.plot_cones import margins_deg
+from manifold_mpc_ros.lie.arrays import Array
 
 PANEL_PX = 186
 #: Colours of runs that are compared, told apart by colour-blind readers (Okabe and Ito).
@@ -87,7 +87,7 @@ def comparison(runs: Sequence[BagRun], names: Sequence[str]) -> go.Figure:
         colour = RUN_COLOURS[index % len(RUN_COLOURS)]
         rate = np.linalg.norm(run.states.omega_BN_B, axis=1)
         torque = np.linalg.norm(run.commands.torque_B_n_m, axis=1)
-        rows: list[tuple[FloatArray, FloatArray, str]] = [
+        rows: list[tuple[Array, Array, str]] = [
             (run.states.time_s, np.degrees(run.error_rad), 'linear'),
             (run.states.time_s, rate, 'linear'),
             (run.commands.time_s, torque, 'hv'),
@@ -115,7 +115,7 @@ def _panels(*titles: str) -> go.Figure:
 
 
 def _line(
-    figure: go.Figure, row: int, time_s: FloatArray, values: FloatArray, name: str, colour: str,
+    figure: go.Figure, row: int, time_s: Array, values: Array, name: str, colour: str,
     *, shape: str = 'linear', dash: str = 'solid', group: str | None = None, legend: str = '',
     show: bool = True, width: float = 1.8,
 ) -> None:
@@ -128,7 +128,7 @@ def _line(
 
 
 def _logarithmic(
-    figure: go.Figure, row: int, values: Sequence[FloatArray], least: float,
+    figure: go.Figure, row: int, values: Sequence[Array], least: float,
 ) -> None:
     """Give a panel a logarithmic axis that shows all values above ``least``."""
     shown = np.concatenate(values)
@@ -154,7 +154,7 @@ def _level(figure: go.Figure, row: int, value: float, name: str) -> None:
         line={'color': LIMIT_COLOUR, 'width': 1.2, 'dash': 'dash'}), row=row, col=1)
 
 
-def _limits(figure: go.Figure, row: int, limits: FloatArray | None) -> None:
+def _limits(figure: go.Figure, row: int, limits: Array | None) -> None:
     """Add the finite limits of both signs."""
     values = [] if limits is None else sorted({float(each) for each in limits
                                                if np.isfinite(each)})

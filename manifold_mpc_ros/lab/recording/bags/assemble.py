@@ -12,7 +12,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from manifold_mpc_ros.config.checks import FloatArray
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME
 from manifold_mpc_ros.control.input_gate import NANOSECONDS
@@ -28,12 +27,12 @@ from manifold_mpc_ros.lab.recording.bags.series import (
     TickSeries,
 )
 from manifold_mpc_ros.lab.recording.scenarios.scenario import Scenario
-from manifold_mpc_ros.lie.arrays import IntArray
+from manifold_mpc_ros.lie.arrays import Array, IntArray
 from manifold_mpc_ros.mpc.target import attitude_towards
 
 Decoded = TypeVar('Decoded')
 #: Time of receipt [ns], attitude and rate of one stamp; what has not come is None.
-_Joined = tuple[int, FloatArray | None, FloatArray | None]
+_Joined = tuple[int, Array | None, Array | None]
 _NUMBER = re.compile(r'-?\d[-+.\de]*')
 
 
@@ -99,7 +98,7 @@ class Source:
     def commands(self, topic: str, first_ns: int, *, once: bool) -> CommandSeries:
         """Return the torques; with ``once`` a stamp that comes again is a repeat, left out."""
         samples = self._decoded(topic, {decode.WRENCH: _torque})
-        kept: list[Stamped[FloatArray]] = []
+        kept: list[Stamped[Array]] = []
         seen: set[int] = set()
         for sample in samples:
             if not (once and sample.stamp_ns in seen):
@@ -126,7 +125,7 @@ class Source:
             np.array([sample.value[0] for sample in samples]).reshape(-1, 3, 3),
             np.array([sample.value[1] for sample in samples]).reshape(-1, 3))
 
-    def directions(self, topic: str) -> tuple[IntArray, FloatArray]:
+    def directions(self, topic: str) -> tuple[IntArray, Array]:
         """Return stamps (k,) and unit directions (k, 3) in the order of their stamps."""
         samples = self._decoded(topic, {decode.DIRECTION: _direction})
         samples.sort(key=lambda sample: (sample.stamp_ns, sample.received_ns))
@@ -160,7 +159,7 @@ class Source:
         def words(key: str) -> tuple[str, ...]:
             return tuple(values.get(key, '') for values in said)
 
-        def numbers(key: str) -> FloatArray:
+        def numbers(key: str) -> Array:
             return np.array([_number(values.get(key, '')) for values in said])
 
         return TickSeries(
@@ -230,12 +229,12 @@ def _lacking(name: str, joined: Mapping[int, _Joined], *, reported: bool) -> lis
     return found
 
 
-def _torque(content: Any) -> FloatArray:
+def _torque(content: Any) -> Array:
     """Return the torque of a wrench."""
     return decode.vector(content.wrench.torque)
 
 
-def _direction(content: Any) -> FloatArray:
+def _direction(content: Any) -> Array:
     """Return a direction as a unit vector; raises ValueError for none."""
     direction = decode.vector(content.vector)
     size = float(np.linalg.norm(direction))
@@ -253,8 +252,8 @@ def _controller_status(content: Any) -> tuple[int, str, dict[str, str]] | None:
     return None
 
 
-def _devices(last: Mapping[str, str], numbers: Callable[[str], FloatArray]
-             ) -> dict[str, dict[str, FloatArray]]:
+def _devices(last: Mapping[str, str], numbers: Callable[[str], Array]
+             ) -> dict[str, dict[str, Array]]:
     """Return what ticks say of devices: quantity to name to values (t,)."""
     found = {quantity: {key.removesuffix(end): numbers(key) for key in last if key.endswith(end)}
              for end, quantity in DEVICE_QUANTITIES.items()}
@@ -279,6 +278,6 @@ def _integers(values: Sequence[int]) -> IntArray:
     return np.array(values, dtype=np.int64).reshape(-1)
 
 
-def _seconds(stamps: IntArray, first_ns: int) -> FloatArray:
+def _seconds(stamps: IntArray, first_ns: int) -> Array:
     """Return stamps as seconds since the first state."""
     return np.asarray((stamps - first_ns) / NANOSECONDS, dtype=np.float64)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from manifold_mpc_ros.config.checks import FloatArray
+from manifold_mpc_ros.lie.arrays import Array
 
 IntArray = npt.NDArray[np.int64]
 
@@ -24,10 +24,10 @@ class StateSeries:
     """n states in the order of their stamps, each stamp once; ``repeats`` were left out."""
 
     stamp_ns: IntArray       # (n,)
-    time_s: FloatArray       # (n,)
+    time_s: Array       # (n,)
     received_ns: IntArray    # (n,)
-    R_NB: FloatArray         # (n, 3, 3) body to inertial
-    omega_BN_B: FloatArray   # (n, 3) [rad/s]
+    R_NB: Array         # (n, 3, 3) body to inertial
+    omega_BN_B: Array   # (n, 3) [rad/s]
     repeats: int = 0
 
     def __len__(self) -> int:
@@ -40,9 +40,9 @@ class CommandSeries:
     """m torque commands in the order of receipt; the stamp is that of the state answered."""
 
     stamp_ns: IntArray        # (m,)
-    time_s: FloatArray        # (m,)
+    time_s: Array        # (m,)
     received_ns: IntArray     # (m,)
-    torque_B_n_m: FloatArray  # (m, 3)
+    torque_B_n_m: Array  # (m, 3)
     repeats: int = 0
 
     def __len__(self) -> int:
@@ -65,10 +65,10 @@ class SetpointSeries:
     """
 
     stamp_ns: IntArray       # (k,)
-    time_s: FloatArray       # (k,)
+    time_s: Array       # (k,)
     received_ns: IntArray    # (k,)
-    R_ND: FloatArray         # (k, 3, 3)
-    direction_N: FloatArray  # (k, 3)
+    R_ND: Array         # (k, 3, 3)
+    direction_N: Array  # (k, 3)
 
     def __len__(self) -> int:
         """Return k."""
@@ -97,15 +97,15 @@ class TickSeries:
     source: tuple[str, ...]
     solver_status: tuple[str, ...]
     promise: tuple[str, ...]
-    iterations: FloatArray         # (t,)
-    solve_time_s: FloatArray       # (t,)
-    cost: FloatArray               # (t,)
-    value_function: FloatArray     # (t,)
-    promised_value: FloatArray     # (t,)
-    relative_excess: FloatArray    # (t,)
+    iterations: Array         # (t,)
+    solve_time_s: Array       # (t,)
+    cost: Array               # (t,)
+    value_function: Array     # (t,)
+    promised_value: Array     # (t,)
+    relative_excess: Array    # (t,)
     in_terminal_set: tuple[str, ...]
     last: Mapping[str, str]
-    devices: Mapping[str, Mapping[str, FloatArray]]  # quantity to name to values (t,)
+    devices: Mapping[str, Mapping[str, Array]]  # quantity to name to values (t,)
 
     def __len__(self) -> int:
         """Return t."""
@@ -129,7 +129,7 @@ class PredictionSeries:
 
     stamp_ns: IntArray         # (p,) stamp of the state that the plan begins at
     received_ns: IntArray      # (p,)
-    R_NB: tuple[FloatArray, ...]  # p times (N + 1, 3, 3)
+    R_NB: tuple[Array, ...]  # p times (N + 1, 3, 3)
 
     def __len__(self) -> int:
         """Return p."""
