@@ -113,6 +113,14 @@ def test_a_thruster_that_is_stuck_off_gives_nothing() -> None:
     assert body.omega_BN_B[0] == pytest.approx(-0.05 * 0.5 * 0.4 / J[0, 0])
 
 
+def test_one_number_is_for_every_thruster_as_in_a_file() -> None:
+    config = SimulatorConfig(inertia_kg_m2=J, thrusters=array(),
+                             thruster_off_from_s=[np.inf])  # type: ignore[arg-type]
+    np.testing.assert_array_equal(config.thruster_off_from_s, np.full(12, np.inf))
+    with pytest.raises(ConfigurationError, match=r'^thruster_off_from_s: '):
+        plant(thruster_off_from_s=[1.0, 2.0])
+
+
 def test_a_thruster_that_failed_is_not_used() -> None:
     for failed in ('thruster_1', 'thruster_8'):  # both of them turn the body about x
         actuator = ThrusterActuator(array(failed=[failed]), STEP_S)
