@@ -36,6 +36,10 @@ WHEEL_STATES = ('wheel_states', 'sensor_msgs/msg/JointState', 'speeds of wheels 
 
 #: What every node hears of the time.
 CLOCK = ('/clock', 'rosgraph_msgs/msg/Clock', 'time, with use_sim_time')
+#: What the simulator publishes with ``orbit.altitude_m``.
+MAGNETIC_FIELD = ('magnetic_field', 'sensor_msgs/msg/MagneticField',
+                  'magnetic field in body axes [T], on an orbit')
+
 #: What every node says of itself.
 DESCRIPTION = ('~/description', 'std_msgs/msg/String', 'parameters, versions; latched')
 #: What each lifecycle node publishes and subscribes to with ``bond_period_s``.

@@ -99,10 +99,9 @@ class SimulatorConfig:
 
     def __post_init__(self) -> None:
         """Check every field, then what the fields together have to satisfy."""
-        checks.fields(self, _CHECKS)
         n = 1 if self.thrusters is None else len(self.thrusters)
-        object.__setattr__(self, 'thruster_off_from_s', checks.each_positive(
-            'thruster_off_from_s', self.thruster_off_from_s, n, infinite=True))
+        checks.fields(self, {**_CHECKS, 'thruster_off_from_s': partial(
+            checks.each_positive, n=n, infinite=True)})
         self._check_timing()
         self._check_messages()
 

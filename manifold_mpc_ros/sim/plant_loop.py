@@ -109,6 +109,11 @@ class PlantLoop:
         """Speeds of the wheels about their axes, in the body (n,) [rad/s], None without wheels."""
         return self._plant.speed_rad_s if isinstance(self._plant, WheelPlant) else None
 
+    @property
+    def field_B_t(self) -> Array:
+        """Magnetic field (3,) in body axes [T], zero without an orbit."""
+        return self._plant.field_B_t
+
     def counters(self) -> dict[str, float]:
         """Return what has happened to the plant since its last reset, and commands in force."""
         return {**vars(self._plant.counters), 'expired_commands': self.expired,

@@ -35,7 +35,8 @@ BOND = {'bond_period_s': 0.1}
 CONFIGURATIONS: list[tuple[dict[str, object], ...]] = [
     ({'target': 'pointing', 'use_sim_time': True, 'reference.timeout_s': 1.0,
       'actuators.kind': 'thrusters'},
-     {'timing.publish_clock': True, 'use_sim_time': True, 'actuators.kind': 'thrusters'},
+     {'timing.publish_clock': True, 'use_sim_time': True, 'actuators.kind': 'thrusters',
+      'orbit.altitude_m': 5e5},
      {'use_sim_time': True}),
     ({'state_source': 'imu', 'actuators.kind': 'wheels', **BOND},
      {'actuators.kind': 'wheels', **BOND},

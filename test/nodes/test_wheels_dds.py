@@ -13,7 +13,7 @@ pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 import numpy as np
 from harness import open_rig, stamp_ns
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import JointState, MagneticField
 from std_msgs.msg import Float64MultiArray
 
 from manifold_mpc_ros.lie import so3
@@ -54,10 +54,12 @@ def test_a_half_turn_in_lockstep_settles_with_momentum_stored_and_is_the_same_in
 
 def test_thrusters_in_lockstep_turn_the_body_by_pulses(tmp_path: Path) -> None:
     given = {**WHEELS, 'actuators.kind': 'thrusters'}
+    orbit = {'orbit.altitude_m': 5e5, 'orbit.inclination_deg': 97.4}
     with open_rig(tmp_path) as rig:
         states = rig.watch(Odometry, 'odometry')
         commands = rig.watch(Float64MultiArray, 'thruster_commands')
-        rig.start('simulator', parameters=given)
+        fields = rig.watch(MagneticField, 'magnetic_field')
+        rig.start('simulator', parameters=given | orbit)
         rig.start('controller', parameters=given)
         for node in ('/attitude_controller', '/lgvi_simulator'):
             rig.activate(node)
@@ -68,3 +70,7 @@ def test_thrusters_in_lockstep_turn_the_body_by_pulses(tmp_path: Path) -> None:
         assert on.shape[1] == 6
         assert ((on == 0.0) | ((on >= 0.02) & (on <= 0.5))).all()
         assert np.count_nonzero(on) > 10
+        sizes = [np.linalg.norm([m.magnetic_field.x, m.magnetic_field.y, m.magnetic_field.z])
+                 for m in fields]
+        assert len(sizes) > 40
+        assert 2e-5 < min(sizes) <= max(sizes) < 6e-5

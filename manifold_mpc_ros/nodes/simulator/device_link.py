@@ -1,6 +1,6 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The simulator's devices over ROS: commands of wheels or thrusters in, wheel_states out."""
+"""The simulator's devices over ROS: commands of wheels or thrusters in; speeds, field out."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import JointState, MagneticField
 from std_msgs.msg import Float64MultiArray
 
-from manifold_mpc_ros.config.interfaces import WHEEL_STATES, command_topics
+from manifold_mpc_ros.config.interfaces import MAGNETIC_FIELD, WHEEL_STATES, command_topics
 from manifold_mpc_ros.config.simulator import SimulatorConfig
 from manifold_mpc_ros.control.input_gate import Reason, Refusal
 from manifold_mpc_ros.lie.arrays import Array
@@ -45,6 +45,9 @@ class DeviceLink:
         self._array = config.thrusters if motors is None else motors.wheels
         self._topic = command_topics('thrusters' if motors is None else 'wheels')[0][0]
         self._states = None if motors is None else node.advertise(JointState, WHEEL_STATES[0])
+        self._field = None if config.orbit is None else node.advertise(
+            MagneticField, MAGNETIC_FIELD[0])
+        self._body_frame_id = config.body_frame_id
         self._latest: tuple[Any, Array] | None = None
         self._waiting: tuple[Any, Callable[[], None]] | None = None
         if self._array is not None:
@@ -55,8 +58,9 @@ class DeviceLink:
         """Close the topics."""
         if self._array is not None:
             self._node.destroy_subscription(self._commands)
-        if self._states is not None:
-            self._node.destroy_lifecycle_publisher(self._states)
+        for publisher in (self._states, self._field):
+            if publisher is not None:
+                self._node.destroy_lifecycle_publisher(publisher)
 
     def when_commanded(self, info: Mapping[str, Any], take: Callable[[], None]) -> None:
         """Take a body torque: at once without devices, with their command in lockstep."""
@@ -70,8 +74,14 @@ class DeviceLink:
         """Return what is commanded to the plant: the body torque (3,), or that of devices (n,)."""
         return torque_B_n_m if self._latest is None else self._latest[1]
 
-    def publish(self, stamp_ns: int, speed_rad_s: Array | None) -> None:
-        """Publish the speeds (n,) of the wheels, if there are any."""
+    def publish(self, stamp_ns: int, speed_rad_s: Array | None, field_B_t: Array
+                ) -> None:
+        """Publish the speeds (n,) of the wheels, and the magnetic field (3,), if there are any."""
+        if self._field is not None:
+            field = MagneticField(magnetic_field=messages.to_vector(field_B_t))
+            field.header.stamp = messages.to_stamp(stamp_ns)
+            field.header.frame_id = self._body_frame_id
+            self._field.publish(field)
         if self._array is not None and self._states is not None and speed_rad_s is not None:
             message = JointState(name=list(self._array.names), velocity=speed_rad_s.tolist())
             message.header.stamp = messages.to_stamp(stamp_ns)

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Sequence
 
 from manifold_mpc_ros.config.interfaces import (
+    MAGNETIC_FIELD,
     WHEEL_STATES,
     command_topics,
     state_topics,
@@ -30,6 +31,7 @@ PROGRAM = Program.managed(
     publishes=(
         *state_topics(),
         WHEEL_STATES,
+        MAGNETIC_FIELD,
         ('/clock', 'rosgraph_msgs/msg/Clock', 'simulated time, with publish_clock'),
     ),
     diagnostics='time, plant, refusals',
