@@ -7,7 +7,8 @@
 Closed loops of half turns, random states, tumbling, rates beyond the limits, disturbances and new
 targets, on the shipped controller with its horizon and with one of which many of these states are
 outside D_N; status and torque against Python's. Code, stack and memory for horizons of 10, 20 and
-40 on a Cortex-M7, and the instructions of a call there, as QEMU counts them.
+40 on a Cortex-M7, and the instructions of a call there, as QEMU counts them. With --target, what
+the file has of others stays.
 """
 
 from __future__ import annotations
@@ -81,9 +82,12 @@ def main() -> int:
     parser.add_argument('--states', type=int, default=10000, metavar='N')
     parser.add_argument('--cortex-m7-states', type=int, default=10000, metavar='N',
                         help='the first N of these: the emulated processor is slow')
+    parser.add_argument('--target', choices=TARGETS, action='append', help='this one alone')
     arguments = parser.parse_args()
     shipped = AttitudeMpcConfig.from_yaml(controller_config_path(None))
     report: dict[str, Any] = {'targets': {}, 'cortex_m7': {}}
+    if arguments.target and arguments.output.exists():
+        report = json.loads(arguments.output.read_text(encoding='utf-8'))
     with tempfile.TemporaryDirectory() as name:
         folder, right = Path(name), True
         for horizon in HORIZONS:
@@ -93,9 +97,11 @@ def main() -> int:
             count = arguments.states // len(HORIZONS) // TICKS + 1
             states, python = loops(mpc, count, TICKS, f'export {horizon}')
             structure = structure_of(config, disturbed=True)
-            report[f'states of N = {horizon}'] = {
-                str(each): int((python[:, 0] == i).sum()) for i, each in enumerate(STATUSES)}
+            report.setdefault(f'states of N = {horizon}', {
+                str(each): int((python[:, 0] == i).sum()) for i, each in enumerate(STATUSES)})
             for key, target in TARGETS.items():
+                if key not in (arguments.target or TARGETS):
+                    continue
                 if target.missing:
                     print(f'{key}: {target.missing}')
                     continue
