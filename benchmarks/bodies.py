@@ -189,24 +189,25 @@ def judge(known: Known, path: Path) -> list[list[dict[str, Any]]]:
     there = {pair[0]['number'] for pair in pairs}
     for number, rows in itertools.groupby(known.rows(), key=lambda row: row[0]):
         if len(list(rows)) == 2 and number not in there:
-            pairs.append([judged(instance, mpc, vector, known)
+            pairs.append([judged(instance, mpc, vector)
                           for instance, mpc, vector in controllers(number)])
             with path.open('a', encoding='utf-8') as file:
                 file.write(json.dumps(pairs[-1]) + '\n')
+    for row in itertools.chain.from_iterable(pairs):
+        row.update(best=known.best(row['number'], row['horizon']),
+                   by_ipopt=known.has(row['number'], row['horizon'], 'ipopt'))
     return pairs
 
 
-def judged(instance: dict[str, Any], mpc: AttitudeMpc, vector: Array, known: Known
-           ) -> dict[str, Any]:
-    """Return what the controller and `domain` say of one instance, and what is known of it."""
-    R, number, horizon = so3.exp(vector), instance['number'], instance['horizon']
+def judged(instance: dict[str, Any], mpc: AttitudeMpc, vector: Array) -> dict[str, Any]:
+    """Return what the controller and `domain` say of one instance."""
+    R = so3.exp(vector)
     mpc.reset()
     plan = mpc.solve(R, np.zeros(3))
     mpc.reset()
     beside = mpc.solve(so3.exp(vector * (1 - BESIDE_DEG / instance['angle_deg'])), np.zeros(3))
     inside = Feasibility(mpc.config, mpc.terminal).plan(R, np.zeros(3)) is not None
     return {**instance, 'status': str(plan.status), 'cost': plan.cost, 'beside': beside.cost,
-            'best': known.best(number, horizon), 'by_ipopt': known.has(number, horizon, 'ipopt'),
             'in_domain': inside,
             'feasible': plan.status in (SolveStatus.CONVERGED, SolveStatus.FEASIBLE),
             'beside_feasible': beside.status != SolveStatus.INFEASIBLE,

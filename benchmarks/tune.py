@@ -76,7 +76,7 @@ def tuned(name: str, body: Body) -> dict[str, Any]:
                   for each in best.outcomes],
         'worst_ratio': best.hardest.ratio,
         'infeasible_ticks': sum(each.infeasible for each in best.outcomes),
-        'limits_broken': sum(each.broken for each in best.outcomes),
+        'limits_broken': int(sum(each.broken for each in best.outcomes)),
         'solve_p99_s': float(np.percentile(times_s, 99)),
         'tuned_in_cpu_s': time.process_time() - begun_s}
 
