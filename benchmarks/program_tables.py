@@ -72,20 +72,65 @@ def joblib(data: dict[str, Any]) -> str:
 
 
 def cones(data: dict[str, Any]) -> str:
-    """Return the public slews with cones: ours, others', the bound."""
+    """Return the public slews: ours, the bound, others', what was kept."""
     rows = []
     for row in data['rows']:
         runs = row['runs']
-        settled = [run['settled_s'] for run in runs]
+        settled = [run['settled_s'] for run in runs if run['settled_s'] is not None]
+        margins = [value for run in runs for value in run['least_margin_deg'].values()]
+        largest = [max(run.get(f'largest_{key}', 0.0) for run in runs)
+                   for key in ('energy', 'rate', 'motor')]
         rows.append([
-            row['problem'], str(len(runs)), f'{min(settled):.1f} to {max(settled):.1f}',
-            f'{row["bound_s"]:g}', ', '.join(f'{each:g}' for each in row['others_s']),
-            f'{min(min(run["least_margin_deg"].values()) for run in runs):.2f}',
-            f'{100 * max(run["largest_energy"] for run in runs):.1f}',
-            f'{100 * max(run["largest_motor"] for run in runs):.1f}'])
+            row['problem'], str(len(runs)),
+            f'{min(settled):.4g} to {max(settled):.4g}' if settled else 'never',
+            '-' if row['bound_s'] is None else f'{row["bound_s"]:.1f}',
+            '-' if row['bound_s'] is None or not settled else
+            f'{100 * (max(settled) / row["bound_s"] - 1):.1f}',
+            ', '.join(f'{each:,g}' for each in row['others_s']) or '-',
+            f'{min(margins):.2f}' if margins else '-',
+            *(f'{100 * value:.1f}' if value else '-' for value in largest)])
     return table(['problem', 'frames', 'settled after [s]', 'time-optimal bound [s]',
-                  'published, others [s]', 'least angle to a cone [deg]',
-                  'largest energy [% of limit]', 'largest motor torque [% of limit]'], rows)
+                  'above it, worst [%]', 'published, others [s]', 'least angle to a cone [deg]',
+                  'largest energy [%]', 'largest rate [%]', 'largest motor torque [%]'], rows)
+
+
+def cone_times(data: dict[str, Any]) -> str:
+    """Return the solve times on the public slews, with what two cones cost."""
+    text = ''
+    for each in data['timing']:
+        rows = [[row['solver'], *([row['why_not']] + ['-'] * 4 if 'why_not' in row else [
+            *(f'{row[key]:.3g}' for key in ('first_ms', 'warm_ms_median', 'warm_ms_p99')),
+            f'{row["passes_median"]:g}', f'{row["failures"]} of {row["solves"] + 1}'])]
+            for row in each['rows']]
+        cost = each['cones_cost']
+        text += table([f'{each["problem"]}, N = {each["horizon"]}', 'first [ms]',
+                       'warm, median [ms]', 'warm, 99 % [ms]', 'passes', 'failed'], rows) + (
+            f'\nWarm solves of a loop with the two cones take {cost["sum"]:.2f} times those of '
+            f'the loop without (median {cost["median"]:.2f}).\n\n')
+    return text.removesuffix('\n')
+
+
+def cone_problems(data: dict[str, Any]) -> str:
+    """Return what became of random problems with cones, and which plans are dearer."""
+    starts = ', '.join(f'{count:,} from {n}' for n, count in data['starts_of_ipopt'].items())
+    loops, search = data['loops'], data['search_cpu_ms']
+    dearer = '; '.join(f'problem {row["problem"]} ({row["cones"]} cones) by '
+                       f'{100 * row["excess"]:.2g} %' for row in data['dearer']) or 'none'
+    return table(['', ''], [
+        ['problems that IPOPT was asked, from so many starts each', starts],
+        ['solved by IPOPT, and of those not by us',
+         f'{data["solved_by_ipopt"]:,}, {len(data["not_solved_but_by_ipopt"])}'],
+        ['ours dearer than the best of IPOPT by more than 1e-6',
+         f'{len(data["dearer"])}: {dearer}'],
+        ["IPOPT's best dearer than ours", str(data['ipopt_dearer'])],
+        ['least angle to a cone under a plan, integrated 50 times finer [deg]',
+         f'{data["least_angle_to_a_cone_deg"]:.2f}'],
+        ['first search, processor time, median / 99 % [ms]',
+         f'{search["median"]:.0f} / {search["p99"]:.0f}'],
+        ['loops closed, settled, feasible at every tick',
+         f'{loops["count"]}, {loops["settled"]}, {loops["feasible_at_every_tick"]}'],
+        ['largest rise of the value above the bound V - L, relative',
+         f'{loops["largest_rise_above_promise"]:.1e}']])
 
 
 def calls(data: dict[str, Any]) -> str:

@@ -34,7 +34,7 @@ from manifold_mpc_ros.lie.arrays import Array
 
 RESULT = Path(__file__).parents[1] / 'docs' / 'results' / 'wheels.json'
 INERTIA = np.diag([0.05, 0.06, 0.02])
-# Wheels as those of B1 (benchmarks/cones.py) in a pyramid that reaches as far along x, y and z.
+# Wheels as those of B1 (bench --constrained) in a pyramid that reaches as far along x, y and z.
 AXES_B = np.array([[1, 1, 1], [-1, 1, 1], [-1, -1, 1], [1, -1, 1]]) / np.sqrt(3.0)
 TORQUE, MOMENTUM = 7e-4, 0.01082
 STEP_S, DURATION_S = 1.0, 160.0

@@ -13,6 +13,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,7 +21,7 @@ import casadi as ca
 import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.lab.benchmark.peers.acados_install import find_acados
+from manifold_mpc_ros.lab.benchmark.peers.acados_install import Acados, find_acados
 from manifold_mpc_ros.lab.benchmark.peers.casadi_peer import library_of
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.lie.arrays import Array
@@ -169,7 +170,7 @@ class AcadosPeer:
         """Generate and compile; raises ManifoldMpcError where acados is not installed."""
         self._folder = tempfile.TemporaryDirectory(prefix='acados_')
         folder = Path(self._folder.name)
-        acados = find_acados(folder / 'root')
+        acados = _acados()
         self._form, n = form, form.config.horizon
         ocp, model = acados.template.AcadosOcp(), acados.template.AcadosModel()
         model.name, model.x, model.u = f'cones_{n}_{form.node_limits.numel()}', form.x, form.u
@@ -224,6 +225,12 @@ class AcadosPeer:
         status = solver.solve()
         return Answer(float(np.ravel(solver.get_stats('time_tot'))[0]), status == 0,
                       float(solver.get_cost()), int(np.ravel(solver.get_stats('sqp_iter'))[0]))
+
+
+@cache
+def _acados() -> Acados:
+    """Return acados, whose folder of links lasts as long as the process: it is imported once."""
+    return find_acados(Path(tempfile.mkdtemp(prefix='acados_root_')) / 'root')
 
 
 PEERS: dict[str, Callable[[Form], Any]] = {

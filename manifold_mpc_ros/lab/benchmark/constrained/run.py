@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from typing import TYPE_CHECKING, Any
@@ -33,21 +34,37 @@ _LARGEST = ('energy', 'rate', 'motor', 'momentum', 'torque')
 def measure(frames: int, core: int, say: Callable[[str], None], *, peers: bool = True
             ) -> dict[str, Any]:
     """Fly every slew in so many frames, find the bounds, time the solvers."""
-    every, rows, known = slews.slews(), [], {}
-    for slew in every:
-        if slew.within is not None and slew.bound not in known:
-            known[slew.bound] = bounds.time_optimal_s(slew, say)
-        pilots, seen = fly.fly(slew, fly.frames_of(frames), say)
-        bound = known.get(slew.bound) if slew.within is not None else None
-        rows.append({
-            'problem': slew.name, 'bound_s': bound, 'others_s': list(slew.others_s),
-            'allowed_s': None if bound is None or slew.within is None else slew.within * bound,
-            'runs': fly.judged(slew, pilots, seen), 'angles': _angles(seen)})
-    with ProcessPoolExecutor(1, multiprocessing.get_context('spawn'), take_core, (core,)) as pool:
+    every, context = slews.slews(), multiprocessing.get_context('spawn')
+    known = {slew.bound: bounds.time_optimal_s(slew, say) for slew in every
+             if slew.within is not None and not slew.profile}
+    with ProcessPoolExecutor(len(os.sched_getaffinity(0)), context) as pool:
+        rows = []
+        for row in pool.map(_flown, every, [frames] * len(every),
+                            [known.get(slew.bound) for slew in every]):
+            rows.append(row)
+            say(f'{len(rows)} of {len(every)} slews flown')
+    with ProcessPoolExecutor(1, context, _prepare, (core,)) as pool:
         say('solve times')
         timed = [pool.submit(timing.measure, slew, TIMED_TICKS, peers=peers).result()
                  for slew in every[:2]]
     return {'statement': STATEMENT, 'rows': rows, 'timing': timed, 'targets': targets(rows, timed)}
+
+
+def _flown(slew: slews.Slew, frames: int, bound_s: float | None) -> dict[str, Any]:
+    """Return what became of a slew in so many frames."""
+    pilots, seen = fly.fly(slew, fly.frames_of(frames), lambda _: None)
+    return {
+        'problem': slew.name, 'bound_s': bound_s, 'others_s': list(slew.others_s),
+        'allowed_s': None if bound_s is None or slew.within is None else slew.within * bound_s,
+        'runs': fly.judged(slew, pilots, seen), 'angles': _angles(seen)}
+
+
+def _prepare(core: int) -> None:
+    """Take a core, and say nothing: acados prints."""
+    take_core(core)
+    quiet = os.open(os.devnull, os.O_WRONLY)
+    for stream in (1, 2):
+        os.dup2(quiet, stream)
 
 
 def _angles(seen: fly.Seen) -> dict[str, list[float]]:

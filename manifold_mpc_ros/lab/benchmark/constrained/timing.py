@@ -96,7 +96,7 @@ def _peer(name: str, ours: _Loop, ticks: int) -> dict[str, Any]:
     try:
         form = Form(ours.config, ours.R_ND)
         peer = PEERS[name](form)
-    except (ManifoldMpcError, RuntimeError, ImportError) as error:
+    except (ManifoldMpcError, RuntimeError, ImportError, OSError) as error:
         return {'solver': name, 'why_not': ' '.join(str(error).split())[:200]}
     first = ours.answers[0]
     assert ours.config.max_torque_n_m is not None
