@@ -144,3 +144,15 @@ def test_nothing_to_judge_by(tmp_path: Path) -> None:
     foreign = write_bag(tmp_path / 'foreign', run_messages(3), scenario='')
     with pytest.raises(BagError, match='no scenario that can be used'):
         judge(read_run(foreign))
+
+
+@pytest.mark.parametrize(('speed', 'torque', 'beyond'), [
+    ('400', '-0.5', 0), ('-406', '0.1', 1), ('10', '0.506', 1), ('410', '-0.51', 2),
+])
+def test_wheels_beyond_their_momentum_and_motor_torque_are_violations(
+    tmp_path: Path, speed: str, torque: str, beyond: int,
+) -> None:
+    spoken = said(5, wheel_1_speed_rad_s=speed, wheel_1_torque_n_m=torque)
+    found = verdict(tmp_path, {'violations': 0}, [*run_messages(5)[:-1], spoken],
+                    controller={'actuators': {'kind': 'wheels'}})
+    assert found.judgements[-1].measured == str(beyond)

@@ -16,6 +16,7 @@ from manifold_mpc_ros.cli.plot_style import AXIS_COLOURS, AXIS_NAMES, INK, LIMIT
 from manifold_mpc_ros.lab.recording.bags import measures
 from manifold_mpc_ros.lab.recording.bags.cones import cone_histories
 from manifold_mpc_ros.lab.recording.bags.run import BagRun
+from manifold_mpc_ros.lab.recording.bags.series import MOTOR_TORQUE
 from manifold_mpc_ros.lab.report.plot_cones import margins_deg
 from manifold_mpc_ros.lie.arrays import Array
 
@@ -70,8 +71,11 @@ def histories(run: BagRun) -> go.Figure:
     for row, (quantity, named) in enumerate(devices.items(), start=first):
         for (name, each), colour in zip(named.items(), itertools.cycle(RUN_COLOURS)):
             _line(figure, row, measures.tick_times_s(run), each, name, colour, shape='hv')
-        if config is not None and config.wheels is not None and 'torque' in quantity:
-            _limits(figure, row, config.wheels.max_torque_n_m)
+        wheels = None if config is None else config.wheels
+        if wheels is not None and quantity == MOTOR_TORQUE:
+            _limits(figure, row, wheels.max_torque_n_m)
+        elif wheels is not None and wheels.inertia_kg_m2 is not None:
+            _limits(figure, row, wheels.max_momentum_n_m_s / wheels.inertia_kg_m2)
     _finish(figure, [run], first - 1 + len(devices))
     for time_s in run.setpoints.time_s:
         if time_s > 0.0:

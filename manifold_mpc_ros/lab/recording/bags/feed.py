@@ -11,11 +11,12 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from manifold_mpc_ros.config.controller import ControllerConfig
+from manifold_mpc_ros.config.interfaces import WHEEL_STATES
 from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.errors import BagError
 from manifold_mpc_ros.lab.recording.bags import decode
@@ -27,6 +28,7 @@ from manifold_mpc_ros.lie.arrays import Array
 
 STATE_TOPICS = {decode.ODOMETRY: '/odometry', decode.IMU: '/imu'}
 ATTITUDE_TOPIC, DIRECTION_TOPIC = '/attitude_setpoint', '/direction_setpoint'
+WHEEL_TOPIC = f'/{WHEEL_STATES[0]}'
 
 
 @dataclass(frozen=True)
@@ -47,12 +49,14 @@ class FeedMessage:
 class Feed:
     """States (of one type) and setpoints, each in the order of their stamps.
 
-    Directions of cones are among the setpoints.
+    Directions of cones are among the setpoints; ``reports`` are the speeds of reaction wheels,
+    one at the stamp of each state.
     """
 
     state_kind: str
     states: tuple[FeedMessage, ...]
     setpoints: tuple[FeedMessage, ...]
+    reports: tuple[FeedMessage, ...] = ()
 
     @property
     def state_source(self) -> str:
@@ -62,8 +66,8 @@ class Feed:
     def at(self, stamps_ns: Iterable[int]) -> Feed:
         """Return the feed with no other states than those of these stamps."""
         wanted = set(stamps_ns)
-        return Feed(self.state_kind, tuple(
-            state for state in self.states if state.stamp_ns in wanted), self.setpoints)
+        return replace(self, states=tuple(
+            state for state in self.states if state.stamp_ns in wanted))
 
     def every(self, period_s: float) -> Feed:
         """Return the feed with states at least so far apart (less a hundredth) [s]."""
@@ -71,7 +75,7 @@ class Feed:
         for state in self.states:
             if state.stamp_ns - states[-1].stamp_ns >= period_ns:
                 states.append(state)
-        return Feed(self.state_kind, tuple(states), self.setpoints)
+        return replace(self, states=tuple(states))
 
 
 def feed_of(run: BagRun, config: ControllerConfig) -> Feed:
@@ -96,7 +100,9 @@ def feed_of(run: BagRun, config: ControllerConfig) -> Feed:
         setpoints += _as_recorded(run, full, full, stamps)
     if not states:
         raise BagError(f'{run.path}: no state on {source} has a stamp and finite values')
-    return Feed(kind, _ordered(states), _ordered(setpoints))
+    reports = [] if config.mpc.wheels is None else _as_recorded(
+        run, WHEEL_TOPIC, WHEEL_TOPIC, [each.stamp_ns for each in states])
+    return Feed(kind, _ordered(states), _ordered(setpoints), _ordered(reports))
 
 
 def _as_recorded(

@@ -7,9 +7,11 @@ from __future__ import annotations
 import numpy as np
 
 from manifold_mpc_ros.config.rate_limits import rates_beyond
+from manifold_mpc_ros.config.wheels import WheelArray
 from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.lab.closed_loop import settling_time
 from manifold_mpc_ros.lab.recording.bags.run import BagRun
+from manifold_mpc_ros.lab.recording.bags.series import MOTOR_TORQUE, WHEEL_SPEED
 from manifold_mpc_ros.lie.arrays import Array
 
 #: Part of a limit by which it may be passed: the real body is not the model stepped at step_s.
@@ -50,15 +52,30 @@ def _begins_s(run: BagRun) -> list[float]:
 
 
 def violations(run: BagRun) -> int:
-    """Return how many torques and rates are beyond the controller's limits by more than 1 %."""
+    """Return how many torques, rates and wheels are beyond the controller's limits by over 1 %."""
     if run.scenario is None:
         return 0
     config = run.scenario.controller_config.mpc
     torques = 0 if config.max_torque_n_m is None else int((
         np.abs(run.commands.torque_B_n_m) > config.max_torque_n_m * (1.0 + SLACK)
         ).any(axis=1).sum())
-    return torques + int(np.count_nonzero(
+    return torques + _wheels_beyond(run, config.wheels) + int(np.count_nonzero(
         rates_beyond(config.rate_limits, run.states.omega_BN_B, SLACK)))
+
+
+def _wheels_beyond(run: BagRun, wheels: WheelArray | None) -> int:
+    """Return how many motor torques and momenta ``J_w (speed + w . omega)`` are beyond limits."""
+    if wheels is None or wheels.inertia_kg_m2 is None or not len(run.ticks):
+        return 0
+    unknown = np.full(len(run.ticks), np.nan)
+    torque, speed = (np.stack([run.ticks.devices.get(quantity, {}).get(name, unknown)
+                               for name in wheels.names], axis=1)
+                     for quantity in (MOTOR_TORQUE, WHEEL_SPEED))
+    omega = np.stack([np.interp(tick_times_s(run), run.states.time_s, values)
+                      for values in run.states.omega_BN_B.T], axis=1)
+    momentum = wheels.inertia_kg_m2 * (speed + omega @ wheels.axes_B.T)
+    return sum(int(np.count_nonzero(np.abs(values) > limit * (1.0 + SLACK))) for values, limit in (
+        (torque, wheels.max_torque_n_m), (momentum, wheels.max_momentum_n_m_s)))
 
 
 def solve_time_p99_s(run: BagRun) -> float | None:

@@ -75,8 +75,9 @@ class SetpointSeries:
         return len(self.stamp_ns)
 
 
+WHEEL_SPEED, MOTOR_TORQUE = 'wheel speed [rad/s]', 'motor torque [N m]'
 #: What diagnostics say of devices, by the end of the key.
-DEVICE_QUANTITIES = {'_speed_rad_s': 'wheel speed [rad/s]', '_torque_n_m': 'motor torque [N m]',
+DEVICE_QUANTITIES = {'_speed_rad_s': WHEEL_SPEED, '_torque_n_m': MOTOR_TORQUE,
                      '_on_s': 'thruster on-time [s]'}
 
 

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,11 +13,13 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from rosgraph_msgs.msg import Clock
 
+from manifold_mpc_ros.config.interfaces import WHEEL_STATES
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME
 from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.lab.recording.bags.feed import (
     ATTITUDE_TOPIC,
     STATE_TOPICS,
+    WHEEL_TOPIC,
     Feed,
     FeedMessage,
 )
@@ -55,6 +57,8 @@ class Replayer(Listener):
         kinds = dict.fromkeys((each.topic for each in feed.setpoints), VECTOR) | {
             STATE_TOPICS[feed.state_kind]: feed.state_kind,
             ATTITUDE_TOPIC: 'geometry_msgs/msg/QuaternionStamped'}
+        if feed.reports:
+            kinds[WHEEL_TOPIC] = WHEEL_STATES[1]
         self._publishers: dict[str, Any] = {
             topic: self.node.create_publisher(message_class(kind), topic, DEEP_QOS)
             for topic, kind in kinds.items()}
@@ -69,9 +73,10 @@ class Replayer(Listener):
         return self
 
     def meet_controller(self, watch: Watch) -> None:
-        """Wait until the active controller reads the states and says how it does."""
-        states = self._publishers[STATE_TOPICS[self._feed.state_kind]]
-        self.until(lambda: bool(states.get_subscription_count())
+        """Wait until the active controller reads what it is given and says how it does."""
+        read = [self._publishers[topic] for topic in (
+            STATE_TOPICS[self._feed.state_kind], WHEEL_TOPIC) if topic in self._publishers]
+        self.until(lambda: all(each.get_subscription_count() for each in read)
                    and 'setpoints' in self.controller, watch)
 
     def in_lockstep(self, progress: Progress, watch: Watch) -> None:
@@ -80,10 +85,12 @@ class Replayer(Listener):
         A setpoint is given, and counted by the controller, before the state of its time.
         """
         setpoints = list(self._feed.setpoints)
+        reports = {each.stamp_ns: [each] for each in self._feed.reports}
         for state in self._feed.states:
             while setpoints and setpoints[0].stamp_ns <= state.stamp_ns:
-                self._give(setpoints.pop(0), self._another_setpoint(), watch)
-            self._give(state, lambda: state.stamp_ns in self.torques, watch)  # noqa: B023
+                self._give([setpoints.pop(0)], self._another_setpoint(), watch)
+            self._give([*reports.get(state.stamp_ns, []), state],
+                       lambda: state.stamp_ns in self.torques, watch)  # noqa: B023
             progress((state.stamp_ns - self._feed.states[0].stamp_ns) / NANOSECONDS)
 
     def at_pace(
@@ -96,9 +103,10 @@ class Replayer(Listener):
         """
         first_ns = self._feed.states[0].stamp_ns
         end_ns = self._feed.states[-1].due_ns + round(step_s * NANOSECONDS)
-        waiting = sorted(self._feed.setpoints + self._feed.states, key=lambda each: each.due_ns)
-        while waiting and waiting[0].topic != STATE_TOPICS[self._feed.state_kind]:
-            self._give(waiting.pop(0), self._another_setpoint(), watch)
+        waiting = sorted(self._feed.setpoints + self._feed.reports + self._feed.states,
+                         key=lambda each: each.due_ns)
+        while waiting and waiting[0] in self._feed.setpoints:
+            self._give([waiting.pop(0)], self._another_setpoint(), watch)
         begun_ns = first_tick_ns - round(step_s * NANOSECONDS) + BEHIND_NS
         begun_s = time.monotonic()
         now_ns = begun_ns
@@ -114,8 +122,9 @@ class Replayer(Listener):
             now_ns = begun_ns + round((time.monotonic() - begun_s) * rate * NANOSECONDS)
         self.spin(SETTLE_S)
 
-    def _give(self, message: FeedMessage, taken: Callable[[], bool], watch: Watch) -> None:
-        """Publish a message until the controller has taken it."""
+    def _give(self, given: Sequence[FeedMessage], taken: Callable[[], bool], watch: Watch
+              ) -> None:
+        """Publish messages until the controller has taken them."""
         published_s = -AGAIN_S
 
         def look() -> bool:
@@ -123,7 +132,8 @@ class Replayer(Listener):
             now_s = time.monotonic()
             if now_s - published_s >= AGAIN_S:
                 published_s = now_s
-                self._publishers[message.topic].publish(message.data)
+                for message in given:
+                    self._publishers[message.topic].publish(message.data)
             return taken()
 
         self.until(look, watch)
