@@ -35,6 +35,11 @@ def test_certify_then_verify(command: Command, weak: Path, tmp_path: Path) -> No
     assert certificate.evidence['seconds'] > 0
     assert str(output) in out
     assert '100 % of the volume' in out
+    before = output.read_bytes()
+    status, _, err = command('certify', '--controller-config', weak, '--output', output, *ALONE)
+    assert status != 0
+    assert f'{output}: exists already; --overwrite replaces it' in err
+    assert output.read_bytes() == before
     status, out, err = command('verify', output, *ALONE)
     assert (status, err) == (0, '')
     assert 'Verified: the terminal set is certified on all of X_T' in out

@@ -26,7 +26,7 @@ KINDS = ('attitude', 'pointing', 'double integrator')
 
 # Limits that a certificate names where the configuration has them.
 _WHERE_GIVEN = {'rate_ellipsoid_s2', 'max_rate_norm_rad_s', 'max_kinetic_energy_j', 'cones',
-                'wheels'}
+                'wheels', 'thrusters'}
 
 
 def describe(config: AttitudeMpcConfig) -> tuple[str, dict[str, Any]]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from manifold_mpc_ros.cli import arguments as shared
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.lab.certification import effort
 
 if TYPE_CHECKING:
@@ -35,6 +36,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--output', type=Path, default=Path('certificate.json'), metavar='FILE',
         help='file for the certificate (default: %(default)s)')
     parser.add_argument(
+        '--overwrite', action='store_true', help='replace a certificate that is there already')
+    parser.add_argument(
         '--margin', type=shared.positive_number, metavar='MU',
         help='prove F(xi+) - F(xi) <= -(1 + MU) L (default: 0.1, or half of what the '
              'terminal_scale leaves, if that is less)')
@@ -47,6 +50,8 @@ def run(arguments: argparse.Namespace) -> int:
     from manifold_mpc_ros.lab.certification.certificate import write_certificate
     from manifold_mpc_ros.lab.certification.certification import certify_problem
     from manifold_mpc_ros.lab.certification.enclosures import describe
+    if arguments.output.exists() and not arguments.overwrite:
+        raise ManifoldMpcError(f'{arguments.output}: exists already; --overwrite replaces it')
     path = shared.controller_config_path(arguments.controller_config)
     kind, values = describe(AttitudeMpcConfig.from_yaml(path))
     console = report.make_console()
