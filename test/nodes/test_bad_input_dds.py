@@ -89,6 +89,11 @@ def test_stale_future_and_repeated_stamps_are_refused(rig: Rig) -> None:
     bench.until(lambda: bool(bench.value('refused.odometry.duplicate')), 'duplicate', frozen)
     bench.until(lambda: bench.value('mode') == 'COAST', 'duplicates that keep nothing alive',
                 frozen)
+    before = int(bench.value('coast_ticks') or 0)
+    ticks = int(bench.value('ticks') or 0)
+    bench.until(lambda: int(bench.value('ticks') or 0) >= ticks + 5, 'five ticks more', frozen)
+    assert int(bench.value('coast_ticks') or 0) - before >= 5
+    assert bench.value('fallback_ticks') == bench.value('infeasible_ticks') == '0'
 
 
 def test_time_that_goes_back_is_a_new_start(rig: Rig) -> None:

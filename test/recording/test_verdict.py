@@ -91,6 +91,18 @@ def test_ticks_are_counted(tmp_path: Path, name: str, values: dict[str, str]) ->
     assert verdict(tmp_path / 'one', {**KEPT, name: 1}, messages).failed == ()
 
 
+@pytest.mark.parametrize(('name', 'outcome'), [
+    ('infeasible_ticks', 'complete'), ('fallback_ticks', 'complete'), ('coast_ticks', '')])
+def test_the_count_of_the_controller_stands_for_ticks_that_it_did_not_speak_of(
+        tmp_path: Path, name: str, outcome: str) -> None:
+    """Ticks 2 to 4 of 5 are silent; a bag of somebody else may begin after some were counted."""
+    for count in (0, 2):
+        messages = [each for each in run_messages(5) if each.topic != '/diagnostics']
+        messages += [said(1), said(5, **{name: str(count)})]
+        found = verdict(tmp_path / str(count), {name: 1}, messages, custom={'outcome': outcome})
+        assert found.judgements[-1].passed is bool(outcome and count <= 1)
+
+
 def test_limits_of_the_controller_are_the_limits_of_violations(tmp_path: Path) -> None:
     weak = {'limits': {'max_torque_n_m': [0.3, 0.3, 0.285]}}
     found = verdict(tmp_path, {'violations': 1}, controller=weak)

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
@@ -80,6 +81,7 @@ class AttitudeControllerNode(ManagedNode):
             make_actuator=load(ACTUATORS[config.actuator]).from_config)
         self._command: Command | None = None
         self._ticks = 0
+        self._kinds: Counter[str] = Counter()
         self._said: tuple[tuple[object, ...], float] = ((), 0.0)
         self._output = CommandOutput(self, writers)
         self._wheels = WheelInput(self, config)
@@ -154,6 +156,9 @@ class AttitudeControllerNode(ManagedNode):
         latest = self._loop.sample
         if latest is not None and not self._config.lockstep:
             status.values['state_age_s'] = max(0, self._now_ns() - latest.stamp_ns) / NANOSECONDS
+            kinds = self._kinds
+            status.values.update(infeasible_ticks=kinds['infeasible'] + kinds['failed'],
+                                 fallback_ticks=kinds['FALLBACK'], coast_ticks=kinds['COAST'])
         return status
 
     def make_solver(
@@ -248,6 +253,9 @@ class AttitudeControllerNode(ManagedNode):
         self._timing.end(time.monotonic() - begun_s)
         self._command = command
         self._ticks += 1
+        self._kinds[command.mode.value] += 1
+        if command.solution is not None:
+            self._kinds[command.solution.status.value] += 1
         decrease = command.decrease
         if decrease is not None and decrease.burst:
             self.get_logger().warning(f'tick {self._ticks}: {decrease.reason}')

@@ -153,8 +153,16 @@ def _box(name: str, limit: Array | None, values: Array, unit: str) -> \
 
 
 def _counted(run: BagRun, name: str, limit: int | None, count: int) -> Iterator[Judgement]:
-    """Judge a number of ticks; those that the bag says nothing of count as well."""
+    """Judge a number of ticks: the controller's own count where a recording of ours has it.
+
+    Else what is in the bag is counted; ticks that it says nothing of count as well.
+    """
     if limit is None:
+        return
+    total = run.ticks.total(name)
+    if total is not None and run.outcome:
+        said = f'{total} of {int(run.ticks.tick[-1])} ticks'
+        yield Judgement(name, str(limit), said, total <= limit)
         return
     unknown = measures.unknown_ticks(run)
     said = f'{count} of {len(run.ticks)} ticks'
