@@ -27,6 +27,7 @@ import numpy as np
 from manifold_mpc_ros import AttitudeMpc, AttitudeMpcConfig, AttitudeMpcSolution, Cone
 from manifold_mpc_ros.lab.benchmark.constrained.oracle import ConeOracle, starts
 from manifold_mpc_ros.lab.benchmark.constrained.plant import Bodies
+from manifold_mpc_ros.lab.campaign.random_cones import random_cones, straight_way
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.terminal.cone_cut import cut_level, spread, target_margins_rad
@@ -63,28 +64,16 @@ class Problem(NamedTuple):
 def problem(index: int) -> Problem:
     """Draw a problem."""
     rng = np.random.default_rng((12, index))
-    parts = np.linspace(0.0, 1.0, 25)[:, None]
     while True:
-        boresights = _directions(rng, int(rng.integers(1, 4)))
-        cones = []
-        for i in range(int(rng.integers(1, MOST_CONES + 1))):
-            inside = rng.random() < 0.3
-            cones.append(Cone(
-                f'cone{i}', boresights[rng.integers(len(boresights))], _directions(rng, 1)[0],
-                rng.uniform(1.2, 2.4) if inside else rng.uniform(0.2, 0.9),
-                'keep_in' if inside else 'keep_out'))
+        cones = random_cones(
+            rng, most=MOST_CONES, most_axes=3, half_angle_rad=(0.2, 0.9), keep_in_part=0.3,
+            keep_in_half_angle_rad=(1.2, 2.4))
         R_NB, R_ND = so3.random_rotations(rng, 2)
         omega = rng.uniform(-0.1, 0.1, 3)
-        margins = np.min([cone.margins_rad(R_NB @ so3.exp(parts * so3.log(R_NB.T @ R_ND)))
-                          for cone in cones], axis=0)
+        way = straight_way(R_NB, R_ND)
+        margins = np.min([cone.margins_rad(way) for cone in cones], axis=0)
         if margins[[0, -1]].min() > LEAST_RAD and margins.min() < 0.0:
             return Problem(AttitudeMpcConfig(**BODY, cones=cones), R_NB, omega, R_ND)
-
-
-def _directions(rng: np.random.Generator, n: int) -> Array:
-    """Return unit vectors (n, 3)."""
-    v = rng.standard_normal((n, 3))
-    return v / np.linalg.norm(v, axis=1, keepdims=True)
 
 
 def level_of(given: Problem, design: TerminalDesign) -> float:

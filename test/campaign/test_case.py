@@ -13,6 +13,7 @@ from cases import INERTIAS
 
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lab.campaign.case import Case, CaseName, all_names, draw_case
+from manifold_mpc_ros.lab.campaign.random_cones import straight_way
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.target import error_angle
 
@@ -153,3 +154,26 @@ def test_all_names_are_in_the_order_of_the_file_and_sets_have_to_exist() -> None
         'random-0', 'random-1', 'random-2', 'opposite-0', 'opposite-1', 'opposite-2']
     with pytest.raises(ConfigurationError, match=r"'tumble' is not valid.*'opposite'"):
         draw_case(plan(), CaseName('tumble', 1))
+
+
+def test_drawn_cones_are_kept_at_both_ends_and_stand_in_the_way() -> None:
+    one = start({'kind': 'angle', 'angle_deg': [90.0, 180.0]}) | {
+        'setpoint': {'kind': 'uniform'},
+        'cones': {'most': 3, 'keep_in_part': 0.3, 'on_the_way': True}}
+    limits = {'limits.max_torque_n_m': [0.3] * 3, 'limits.max_rate_rad_s': [0.3] * 3}
+    cases = drawn(one, 30, controller=limits)
+    for case in cases:
+        way = straight_way(case.R_NB, case.R_ND)
+        assert min(cone.margins_rad(way[[0, -1]]).min() for cone in case.cones) > np.radians(1.0)
+        assert min(cone.margins_rad(way).min() for cone in case.cones) < 0.0
+        for cone in case.cones:
+            low, high = (70.0, 135.0) if cone.kind == 'keep_in' else (12.0, 50.0)
+            assert low <= np.degrees(cone.half_angle_rad) <= high
+    assert {len(case.cones) for case in cases} == {1, 2, 3}
+    assert {cone.kind for case in cases for cone in case.cones} == {'keep_in', 'keep_out'}
+    (bare,) = drawn({key: value for key, value in one.items() if key != 'cones'},
+                    controller=limits)
+    assert bare.cones == ()
+    assert same(bare, cases[0])
+    with pytest.raises(ConfigurationError, match=r'cones.*in 1000 draws'):
+        drawn(one | {'attitude': {'kind': 'angle', 'angle_deg': [0.0, 1.0]}}, controller=limits)

@@ -13,6 +13,7 @@ import pytest
 from campaign_plans import plan, plants
 
 from manifold_mpc_ros.lab.campaign.case import CaseName, draw_case
+from manifold_mpc_ros.lab.campaign.chunks import ChunkRunner, Work, build_controller
 from manifold_mpc_ros.lab.campaign.loop import run_case
 from manifold_mpc_ros.lab.campaign.outcome import Outcome, decrease_excess, judge, outcome_of
 from manifold_mpc_ros.lab.campaign.plan import CampaignPlan
@@ -220,6 +221,24 @@ def test_every_limit_of_the_acceptance_can_break(mpc: AttitudeMpc) -> None:
         'settle_time_s': 20.0, 'final_error_deg': 90.0, 'final_rate_rad_s': 1.0,
         'peak_rate_rad_s': [3.0, 3.0, 3.0], 'promises_broken': 99}))
     assert outcome_of(mpc, loose, name).broken == ()
+
+
+def test_cones_in_the_way_are_kept_by_the_optimiser_and_broken_by_a_law_that_knows_none() -> None:
+    one = {'name': 'some', 'loops': 3, 'attitude': {'kind': 'angle', 'angle_deg': [90.0, 120.0]},
+           'rate': {'kind': 'rest'}, 'cones': {'most': 1, 'on_the_way': True},
+           'acceptance': {'cone_violation_s': 0.0}}
+    small = plan(one, controller={'mpc.horizon': 40, 'limits.max_torque_n_m': [0.3] * 3,
+                                  'limits.max_rate_rad_s': [0.3] * 3})
+    kept, broken = (ChunkRunner(Work(small, make)).run([CaseName('some', 1)])[0]
+                    for make in (build_controller, stubs.make_damping))
+    for outcome in (kept, broken):
+        assert (outcome.cones, outcome.way_crosses_a_cone) == (1, True)
+    assert kept.broken == ()
+    assert (kept.cone_violations, kept.cone_violation_s) == (0, 0.0)
+    assert kept.least_cone_margin_deg is not None
+    assert kept.least_cone_margin_deg >= 0.0
+    assert 'cone violated' in broken.broken
+    assert broken.cone_violation_s >= 0.5 * broken.cone_violations > 0.0
 
 
 def test_a_plant_that_cannot_be_advanced_is_lost() -> None:

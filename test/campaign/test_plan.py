@@ -26,7 +26,7 @@ def changed_set(**changed: Any) -> dict[str, Any]:
 
 
 def test_there_are_shipped_campaigns() -> None:
-    assert [path.stem for path in SHIPPED] == ['dispersed', 'pointing', 'theory']
+    assert [path.stem for path in SHIPPED] == ['cones', 'dispersed', 'pointing', 'theory']
 
 
 @pytest.mark.parametrize('path', SHIPPED, ids=lambda path: path.stem)
@@ -113,6 +113,10 @@ def test_sets_change_the_acceptance_of_the_campaign() -> None:
     ({'sets': [plants(inertia={'moments_part': 1.2})]}, ['sets[0].inertia.moments_part', '1.2']),
     ({'sets': [plants(noise={'attitude_std_rad': [2e-3, 1e-3]})]},
      ['sets[0].noise.attitude_std_rad', 'smaller one first']),
+    (changed_set(cones={'most': 3}), ['sets[0].cones', 'limits on torque and rate']),
+    (changed_set(cones={'most': 9}), ['sets[0].cones.most', '9', 'at most 8']),
+    (changed_set(cones={'most': 2, 'half_angle_deg': [50.0, 12.0]}),
+     ['sets[0].cones.half_angle_deg', 'from 1 to 179, the smaller one first']),
     (changed_set(acceptance={'turn_changes': -1}), ['sets[0].acceptance.turn_changes', '-1']),
 ])
 def test_a_mistake_names_its_key(changed: dict[str, Any], words: list[str]) -> None:

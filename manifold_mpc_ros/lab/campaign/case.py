@@ -10,21 +10,23 @@ leaves the others as they were.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from manifold_mpc_ros.config.cones import Cone, tightened
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lab.campaign.keys import MODEL
 from manifold_mpc_ros.lab.campaign.plan import CampaignPlan
-from manifold_mpc_ros.lab.campaign.sets import CaseSet, InertiaDraw
+from manifold_mpc_ros.lab.campaign.random_cones import random_cones, straight_way
+from manifold_mpc_ros.lab.campaign.sets import CaseSet, ConesDraw, InertiaDraw
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.lie.arrays import AnyArray as Array
 
 # Streams beside that of the initial state.
-SETPOINT, INERTIA, DISTURBANCE, NOISE = 1, 2, 3, 4
-# Drawn inertias that no body can have are drawn again, so often at most.
+SETPOINT, INERTIA, DISTURBANCE, NOISE, CONES = 1, 2, 3, 4, 5
+# Inertias that no body can have and cones that an end breaks are drawn again, so often at most.
 MOST_DRAWS = 1000
 
 
@@ -62,6 +64,7 @@ class Case:
     attitude_noise_std_rad: float
     rate_noise_std_rad_s: float
     noise_seed: int
+    cones: tuple[Cone, ...]  # the controller's, then the drawn ones
 
 
 def all_names(plan: CampaignPlan) -> list[CaseName]:
@@ -78,18 +81,20 @@ def draw_case(plan: CampaignPlan, name: CaseName) -> Case:
     one = plan.sets[place]
     seeds = [plan.seed, place, name.index]
     state = np.random.default_rng(seeds)
-    setpoint, inertia, disturbance, noise = (
+    setpoint, inertia, disturbance, noise, cones = (
         np.random.default_rng([*seeds, stream])
-        for stream in (SETPOINT, INERTIA, DISTURBANCE, NOISE))
+        for stream in (SETPOINT, INERTIA, DISTURBANCE, NOISE, CONES))
     R_DB = _error(one, plan.config, state, name.index)
     R_ND = _commanded(one, setpoint)
+    R_NB = R_ND @ R_DB
     return Case(
-        name, one, R_ND @ R_DB, _rate(one, state), R_ND,
+        name, one, R_NB, _rate(one, state), R_ND,
         plan.config.inertia_kg_m2 if one.body == MODEL
         else _inertia(plan.body.inertia_kg_m2, one.inertia, inertia),
         _in_ball(one.disturbance.largest_n_m, disturbance),
         _between(one.noise.attitude_std_rad, noise), _between(one.noise.rate_std_rad_s, noise),
-        int(noise.integers(2**31)))
+        int(noise.integers(2**31)), tuple(plan.config.cones) if one.cones is None
+        else _cones(one.cones, plan.config, R_NB, R_ND, cones))
 
 
 def _error(one: CaseSet, config: AttitudeMpcConfig, rng: np.random.Generator, index: int
@@ -146,6 +151,24 @@ def _inertia(J: Array, draw: InertiaDraw, rng: np.random.Generator) -> Array:
             return 0.5 * (tensor + tensor.T)
     raise ConfigurationError(
         'inertia.moments_part', draw.moments_part, 'a spread with some bodies that can exist')
+
+
+def _cones(draw: ConesDraw, config: AttitudeMpcConfig, R_NB: Array, R_ND: Array,
+           rng: np.random.Generator) -> tuple[Cone, ...]:
+    """Draw cones that two attitudes keep, after those of the configuration."""
+    ends, way = np.array([R_NB, R_ND]), straight_way(R_NB, R_ND)
+    out, inside = np.radians([draw.half_angle_deg, draw.keep_in_half_angle_deg]).tolist()
+    for _ in range(MOST_DRAWS):
+        drawn = random_cones(
+            rng, most=draw.most, most_axes=draw.most_axes, keep_in_part=draw.keep_in_part,
+            half_angle_rad=out, keep_in_half_angle_rad=inside)
+        kept = tightened(drawn, config.between_samples, [0.0] * len(drawn))
+        if min(cone.margins_rad(ends).min() for cone in kept) > np.radians(draw.margin_deg) and (
+                not draw.on_the_way or min(cone.margins_rad(way).min() for cone in drawn) < 0.0):
+            return (*config.cones, *drawn)
+    raise ConfigurationError(
+        'cones', asdict(draw), 'cones that the initial and the commanded attitude of every case '
+        f'keep (in {MOST_DRAWS} draws; with on_the_way they have to be some way apart)')
 
 
 def _in_ball(radius: float, rng: np.random.Generator) -> Array:

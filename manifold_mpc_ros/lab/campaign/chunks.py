@@ -2,20 +2,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Cases in chunks, the unit of work, and the processes of this machine that share them.
 
-Whoever runs a chunk builds one controller for all of them and starts every case cold, so what
-comes out does not depend on who ran what, nor in which order.
+Whoever runs a chunk builds one controller for all of them (one for each case that draws cones)
+and starts every case cold, so what comes out does not depend on who ran what, nor in which order.
 """
 
 from __future__ import annotations
 
 import functools
+import threading
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
+from manifold_mpc_ros.config.cones import Cone
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.errors import ManifoldMpcError
-from manifold_mpc_ros.lab.campaign.case import CaseName
+from manifold_mpc_ros.lab.campaign.case import CaseName, draw_case
 from manifold_mpc_ros.lab.campaign.loop import PlanningController
 from manifold_mpc_ros.lab.campaign.outcome import Outcome, outcome_of
 from manifold_mpc_ros.lab.campaign.plan import CampaignPlan
@@ -30,6 +32,8 @@ Chunks: TypeAlias = Generator[list[Outcome], None, None]
 CHUNK = 8
 # Pools that may end one after the other, each by the death of a worker, without one chunk done.
 MOST_FRUITLESS = 2
+# Threads of a Dask worker share a process, which builds one controller at a time.
+_BUILDING = threading.Lock()
 
 
 class CampaignError(ManifoldMpcError):
@@ -48,9 +52,13 @@ class Work:
     plan: CampaignPlan
     make_controller: MakeController
 
-    def build(self) -> PlanningController:
-        """Build the controller."""
-        return self.make_controller(self.plan.config, self.plan.node.backend)
+    def build(self, cones: tuple[Cone, ...] | None = None) -> PlanningController:
+        """Build the controller, or one with the cones that a case drew."""
+        config = self.plan.config
+        with _BUILDING:
+            return self.make_controller(
+                config if cones is None else replace(config, cones=cones),
+                self.plan.node.backend)
 
 
 class ChunkRunner:
@@ -74,7 +82,10 @@ class ChunkRunner:
     def _run_one(self, name: CaseName) -> Outcome:
         """Run one case."""
         try:
-            return outcome_of(self.build(), self.work.plan, name)
+            case = draw_case(self.work.plan, name)
+            controller = (self.build() if case.drawn_from.cones is None
+                          else self.work.build(case.cones))
+            return outcome_of(controller, self.work.plan, name)
         except Exception as error:
             raise CampaignError(f'case {name}: {type(error).__name__}: {error}') from error
 

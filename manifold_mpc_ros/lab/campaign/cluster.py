@@ -31,7 +31,6 @@ CONNECT_LIMIT_S = 30.0
 
 # A controller is not for two threads at once, and a Dask worker may have several.
 _of_thread = threading.local()
-_building = threading.Lock()
 
 
 class Cluster:
@@ -103,10 +102,7 @@ def _run_chunk(names: Sequence[CaseName], *, work: Work, expected: dict[str, str
                 'install the same everywhere, or the table would depend on who ran what')
     runner: ChunkRunner | None = getattr(_of_thread, 'runner', None)
     if runner is None or runner.work != work:
-        runner = ChunkRunner(work)
-        with _building:
-            runner.build()
-        _of_thread.runner = runner
+        runner = _of_thread.runner = ChunkRunner(work)
     return runner.run(names)
 
 

@@ -26,6 +26,7 @@ SET_GROUPS: dict[str, tuple[bool, str]] = {
     'inertia': (False, 'how the body differs from the model (body: plant)'),
     'disturbance': (False, 'constant torque that no model knows of (body: plant)'),
     'noise': (False, 'noise of the sensors (body: plant)'),
+    'cones': (False, 'cones beside those of the controller'),
     'acceptance': (False, 'changes to the acceptance of the whole campaign'),
 }
 #: Of the groups of a set that have ``kind``: the key that each kind takes, None for none.
@@ -103,8 +104,27 @@ NOISE_KEYS = (
                   'standard deviation about each body axis, or the ends of its range',
                   unit='rad/s', lengths=(1, 2)),
 )
+CONE_KEYS = (
+    ParameterSpec('most', 'int', 3, 'their number is uniform from 1 to this', low=1, high=8,
+                  required=True),
+    ParameterSpec('most_axes', 'int', 3,
+                  'of 1 to so many body axes, uniform on the sphere as their directions are',
+                  low=1, high=8),
+    ParameterSpec('half_angle_deg', 'floats', [12.0, 50.0],
+                  'ends of the half angle of those to stay out of', unit='deg', lengths=(2,)),
+    ParameterSpec('keep_in_part', 'float', 0.0, 'probability that one is to stay in', unit='1',
+                  low=0.0, high=1.0),
+    ParameterSpec('keep_in_half_angle_deg', 'floats', [70.0, 135.0],
+                  'ends of the half angle of those to stay in', unit='deg', lengths=(2,)),
+    ParameterSpec('margin_deg', 'float', 1.0,
+                  'angle by which the initial and the commanded attitude keep every cone, as '
+                  'widened for the way between samples', unit='deg', low=0.0, high=180.0),
+    ParameterSpec('on_the_way', 'bool', False,
+                  'drawn again until turning straight to the commanded attitude breaks one'),
+)
 _AS_IN_SCENARIOS = ('attitude_tolerance_deg', 'rate_tolerance_rad_s', 'final_error_deg',
-                    'final_rate_rad_s', 'peak_rate_rad_s', 'promises_broken', 'infeasible_ticks')
+                    'final_rate_rad_s', 'peak_rate_rad_s', 'promises_broken', 'infeasible_ticks',
+                    'cone_violation_s')
 LIMIT_KEYS = (
     *(spec for spec in ACCEPTANCE_KEYS if spec.name in _AS_IN_SCENARIOS),
     ParameterSpec('settle_time_s', 'float', 30.0,
@@ -127,6 +147,7 @@ def all_keys() -> Iterator[tuple[str, ParameterSpec]]:
         ('', CAMPAIGN_KEYS), ('acceptance.', LIMIT_KEYS), ('sets[].', SET_KEYS),
         ('sets[].attitude.', ATTITUDE_KEYS), ('sets[].rate.', RATE_KEYS),
         ('sets[].setpoint.', SETPOINT_KEYS), ('sets[].inertia.', INERTIA_KEYS),
-        ('sets[].disturbance.', DISTURBANCE_KEYS), ('sets[].noise.', NOISE_KEYS))
+        ('sets[].disturbance.', DISTURBANCE_KEYS), ('sets[].noise.', NOISE_KEYS),
+        ('sets[].cones.', CONE_KEYS))
     for prefix, specs in tables:
         yield from ((prefix + spec.name, spec) for spec in specs)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, cast
+from typing import Any, Protocol, TypeAlias, cast
 
 import numpy as np
 
@@ -23,6 +23,9 @@ from manifold_mpc_ros.lab.closed_loop import Body, ModelPlant, Solution
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.lie.arrays import AnyArray as Array
 from manifold_mpc_ros.sim.plant import Plant
+
+Path: TypeAlias = list[tuple[Array, Array]]
+Advance: TypeAlias = Callable[[Array, Path], bool]
 
 
 class PlanningSolution(Solution, Protocol):
@@ -58,6 +61,7 @@ class Course:
 
     case: Case
     lost: bool
+    path_step_s: float
     R_NB: Array          # (n, 3, 3)
     omega_BN_B: Array    # (n, 3) [rad/s]
     torque_B_n_m: Array  # (n, 3)
@@ -66,6 +70,8 @@ class Course:
     status: Array        # (n,) text
     searched: Array      # (n,) bool
     solve_time_s: Array  # (n,)
+    path_R_NB: Array     # (m, 3, 3) every state of the body, `path_step_s` apart
+    path_omega_BN_B: Array  # (m, 3) [rad/s]
 
     @property
     def R_DB(self) -> Array:
@@ -82,6 +88,7 @@ def run_case(controller: PlanningController, plan: CampaignPlan, case: Case) -> 
     """Run one closed loop from a cold start."""
     controller.reset()
     body, advance = _body_of(plan, case)
+    path = [(body.R_NB, body.omega_BN_B)]
     rows: list[tuple[Any, ...]] = []
     lost = False
     while len(rows) <= plan.steps and not lost:
@@ -89,34 +96,38 @@ def run_case(controller: PlanningController, plan: CampaignPlan, case: Case) -> 
         answer = controller.solve(*body.measure(), case.R_ND)
         rows.append((R_NB, omega_BN_B, answer.torque_B_n_m, answer.R_NB, answer.cost,
                      str(answer.status), answer.searched, answer.solve_time_s))
-        lost = not advance(answer.torque_B_n_m)
+        lost = not advance(answer.torque_B_n_m, path)
     columns = (np.array(column) for column in zip(*rows))
-    return Course(case, lost, *columns)
+    return Course(case, lost, body.step_s, *columns, *(np.array(column) for column in zip(*path)))
 
 
-def _body_of(plan: CampaignPlan, case: Case) -> tuple[Body, Callable[[Array], bool]]:
-    """Return the body in its initial state, and what advances it by a control step, if it can."""
+def _body_of(plan: CampaignPlan, case: Case) -> tuple[Body, Advance]:
+    """Return the body in its initial state, and what advances it by a control step, if it can.
+
+    The states on the way are appended to the list that it is given.
+    """
     if case.drawn_from.body == MODEL:
         return _model(plan, case)
     return _plant(plan, case)
 
 
-def _model(plan: CampaignPlan, case: Case) -> tuple[Body, Callable[[Array], bool]]:
+def _model(plan: CampaignPlan, case: Case) -> tuple[Body, Advance]:
     """Return the controller's own model, to whose states a free step has to exist."""
     config = plan.config
     model = ModelPlant(config, case.R_NB, case.omega_BN_B)
 
-    def advance(tau_B: Array) -> bool:
+    def advance(tau_B: Array, path: Path) -> bool:
         try:
             model.step(tau_B)
         except StepExistenceError:
             return False
+        path.append((model.R_NB, model.omega_BN_B))
         return bool(free_steps_exist(model.omega_BN_B, config.inertia_kg_m2, config.step_s))
 
     return model, advance
 
 
-def _plant(plan: CampaignPlan, case: Case) -> tuple[Body, Callable[[Array], bool]]:
+def _plant(plan: CampaignPlan, case: Case) -> tuple[Body, Advance]:
     """Return the simulator's body with what the case drew for it."""
     w, x, y, z = so3.quaternion_from_rotation(case.R_NB)
     config = replace(
@@ -127,9 +138,10 @@ def _plant(plan: CampaignPlan, case: Case) -> tuple[Body, Callable[[Array], bool
     plant = Plant(config, disturbance_frame=cast(Any, case.drawn_from.disturbance.frame))
     substeps = config.steps_per_control
 
-    def advance(tau_B: Array) -> bool:
+    def advance(tau_B: Array, path: Path) -> bool:
         for _ in range(substeps):
             plant.step(tau_B)
+            path.append((plant.R_NB, plant.omega_BN_B))
         return plant.counters.frozen == 0
 
     return plant, advance

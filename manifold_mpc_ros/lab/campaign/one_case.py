@@ -31,7 +31,7 @@ def show_case(console: Console, work: Work, name: CaseName) -> int:
     plan = work.plan
     case = draw_case(plan, name)
     with console.status('Designing the terminal set and building the solver'):
-        controller = work.build()
+        controller = work.build(case.cones)
     course = run_case(controller, plan, case)
     outcome = judge(course, plan)
     console.print(report.grid_table(

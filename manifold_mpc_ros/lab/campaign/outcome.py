@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from manifold_mpc_ros.config.cones import between_samples, joined
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.rate_limits import rates_beyond
 from manifold_mpc_ros.dynamics.inertia import free_steps_exist
@@ -17,8 +18,10 @@ from manifold_mpc_ros.lab.campaign.case import Case, CaseName, draw_case
 from manifold_mpc_ros.lab.campaign.keys import MODEL, PLANT
 from manifold_mpc_ros.lab.campaign.loop import Course, PlanningController, run_case
 from manifold_mpc_ros.lab.campaign.plan import CampaignPlan
+from manifold_mpc_ros.lab.campaign.random_cones import straight_way
 from manifold_mpc_ros.lab.campaign.sets import Limits
 from manifold_mpc_ros.lab.closed_loop import settling_time
+from manifold_mpc_ros.lab.reference.cone_history import ConeHistory
 from manifold_mpc_ros.lab.reference.stage_cost import stage_costs
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.lie.arrays import AnyArray as Array
@@ -39,7 +42,11 @@ class Outcome:
     ``largest_excess`` is the largest ``V(k+1) - (V(k) - L(k))`` over ``|V(k) - L(k)| + 1e-3``, a
     violation when above RELATIVE. ``feasibility_lost`` counts infeasible ticks that follow a
     feasible one, ``limits_exceeded`` torques over their limit and rates over theirs where the
-    plan before promised otherwise. ``broken`` names what was not to happen and did.
+    plan before promised otherwise. ``cone_violations`` counts ticks that break a cone,
+    ``cone_violation_s`` is the time in which one is not kept for sure, between ticks too, where
+    ``least_cone_margin_deg`` is the least that is sure; ``way_crosses_a_cone`` says that turning
+    straight to the commanded attitude would break one. ``broken`` names what was not to happen
+    and did.
     """
 
     name: str
@@ -59,6 +66,11 @@ class Outcome:
     largest_torque_n_m: tuple[float, ...]
     largest_rate_rad_s: tuple[float, ...]
     roll_turned_deg: float | None
+    cones: int
+    way_crosses_a_cone: bool
+    cone_violations: int
+    cone_violation_s: float
+    least_cone_margin_deg: float | None
     lost: bool
     broken: tuple[str, ...]
     initial_attitude_xyzw: tuple[float, ...]
@@ -107,6 +119,7 @@ def judge(course: Course, plan: CampaignPlan) -> Outcome:
         'not_converged': int(np.count_nonzero(np.isin(course.status, ('feasible', 'failed')))),
         'feasibility_lost': int(np.count_nonzero(infeasible[1:] & ~infeasible[:-1])),
         'limits_exceeded': _exceeded(course, config),
+        **_cones(course),
         'largest_rate_rad_s': tuple(np.abs(course.omega_BN_B).max(axis=0).tolist()),
         'lost': course.lost,
     }
@@ -180,6 +193,31 @@ def _exceeded(course: Course, config: AttitudeMpcConfig) -> int:
     return count + int(np.count_nonzero(over & promised))
 
 
+def _cones(course: Course) -> dict[str, Any]:
+    """Return how the cones were kept; between the body's steps by docs/theory.md (23)."""
+    cones, path, case = course.case.cones, course.path_R_NB, course.case
+    found = {'cones': len(cones), 'way_crosses_a_cone': False, 'cone_violations': 0,
+             'cone_violation_s': 0.0, 'least_cone_margin_deg': None}
+    if not cones or len(path) < 2:
+        return found
+    J, disturbed = case.inertia_kg_m2, float(np.linalg.norm(case.disturbance_n_m))
+    acceleration = np.linalg.norm(np.linalg.solve(J, course.torque_B_n_m.T), axis=0).max() \
+        + disturbed / np.linalg.eigvalsh(J)[0]
+    rate = np.linalg.norm(course.path_omega_BN_B, axis=1).max()
+    between = [between_samples(J, float(acceleration), float(rate), course.path_step_s)]
+    straight, at_ticks, sure = (
+        np.min(list(joined(cones, np.array(margins)).values()), axis=0) for margins in (
+            [cone.margins_rad(straight_way(path[0], case.R_ND)) for cone in cones],
+            [cone.margins_rad(course.R_NB) for cone in cones],
+            [ConeHistory(cone, path @ cone.axis_B, np.tile(cone.direction_N, (len(path), 1)))
+             .least_margins_rad(between * (len(path) - 1)) for cone in cones]))
+    return found | {
+        'way_crosses_a_cone': bool(straight.min() < 0.0),
+        'cone_violations': int(np.count_nonzero(at_ticks < 0.0)),
+        'cone_violation_s': course.path_step_s * int(np.count_nonzero(sure < 0.0)),
+        'least_cone_margin_deg': float(np.degrees(sure.min()))}
+
+
 def _broken(found: dict[str, Any], limits: Limits) -> list[str]:
     """Return the names of what was not to happen."""
     settled_s = found['settled_s']
@@ -191,6 +229,7 @@ def _broken(found: dict[str, Any], limits: Limits) -> list[str]:
         ('limit exceeded', 'limits_exceeded', limits.limits_exceeded),
         ('final error', 'final_angle_deg', limits.final_error_deg),
         ('final rate', 'final_rate_rad_s', limits.final_rate_rad_s),
+        ('cone violated', 'cone_violation_s', limits.cone_violation_s),
     ]
     broken = ['lost'] if found['lost'] else []
     if settled_s is None:

@@ -8,7 +8,7 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -170,6 +170,12 @@ class CampaignPlan:
                 raise ConfigurationError(
                     f'sets[{place}].name', one.name, 'a name that no other set has')
             self._check_rates(one, f'sets[{place}].rate.')
+            if one.cones is not None:
+                try:
+                    self.config.between_samples  # noqa: B018 (refuses limits that bound nothing)
+                except ConfigurationError as error:
+                    raise ConfigurationError(
+                        f'sets[{place}].cones', asdict(one.cones), error.valid) from None
         if any(one.body == PLANT for one in self.sets):
             self.body  # noqa: B018 (reads and checks it)
 

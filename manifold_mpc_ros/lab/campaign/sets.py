@@ -71,6 +71,19 @@ class NoiseDraw:
 
 
 @dataclass(frozen=True)
+class ConesDraw:
+    """Cones; `keys.CONE_KEYS` describes each; half angles by the ends of their ranges."""
+
+    most: int
+    most_axes: int = 3
+    half_angle_deg: Numbers = (12.0, 50.0)
+    keep_in_part: float = 0.0
+    keep_in_half_angle_deg: Numbers = (70.0, 135.0)
+    margin_deg: float = 1.0
+    on_the_way: bool = False
+
+
+@dataclass(frozen=True)
 class Limits:
     """What a loop is judged by; None is not judged. `keys.LIMIT_KEYS` describes each."""
 
@@ -85,6 +98,7 @@ class Limits:
     limits_exceeded: int | None = None
     feasibility_lost: int | None = None
     turn_changes: int | None = None
+    cone_violation_s: float | None = None
 
     def changed(self, given: object, prefix: str) -> Limits:
         """Return these with the checked keys of a group in their place."""
@@ -107,6 +121,7 @@ class CaseSet:
     inertia: InertiaDraw = field(default_factory=InertiaDraw)
     disturbance: DisturbanceDraw = field(default_factory=DisturbanceDraw)
     noise: NoiseDraw = field(default_factory=NoiseDraw)
+    cones: ConesDraw | None = None
     acceptance: Limits = field(default_factory=Limits)
 
     @classmethod
@@ -135,7 +150,7 @@ class CaseSet:
         if self.body == MODEL:
             for name in ('inertia', 'disturbance', 'noise'):
                 del groups[name]
-        return groups
+        return _given(groups)
 
 
 def _given(group: Mapping[str, Any]) -> dict[str, Any]:
@@ -205,6 +220,16 @@ def _noise(given: object, prefix: str) -> NoiseDraw:
     return NoiseDraw(**{name: tuple(value) for name, value in values.items()})
 
 
+def _cones(given: object, prefix: str) -> ConesDraw:
+    """Read ``cones``."""
+    values = check_group(keys.CONE_KEYS, {}, given, prefix)
+    for name in ('half_angle_deg', 'keep_in_half_angle_deg'):
+        if name in values:
+            _check_range(f'{prefix}{name}', values[name], 179.0, least=1.0)
+            values[name] = tuple(values[name])
+    return ConesDraw(**values)
+
+
 def _unit_quaternion(values: dict[str, Any], prefix: str) -> dict[str, Any]:
     """Return the values after a check of ``xyzw``."""
     if 'xyzw' in values:
@@ -212,13 +237,13 @@ def _unit_quaternion(values: dict[str, Any], prefix: str) -> dict[str, Any]:
     return values
 
 
-def _check_range(key: str, ends: Sequence[float], most: float) -> None:
-    """Refuse ends that are negative, too large or in the wrong order."""
-    if not 0.0 <= ends[0] <= ends[-1] <= most:
+def _check_range(key: str, ends: Sequence[float], most: float, least: float = 0.0) -> None:
+    """Refuse ends that are too small, too large or in the wrong order."""
+    if not least <= ends[0] <= ends[-1] <= most:
         raise ConfigurationError(
-            key, list(ends), f'numbers from 0 to {most:g}, the smaller one first')
+            key, list(ends), f'numbers from {least:g} to {most:g}, the smaller one first')
 
 
 _READERS: dict[str, Callable[[object, str], Any]] = {
     'attitude': _attitude, 'rate': _rate, 'setpoint': _setpoint, 'inertia': _inertia,
-    'disturbance': _disturbance, 'noise': _noise}
+    'disturbance': _disturbance, 'noise': _noise, 'cones': _cones}

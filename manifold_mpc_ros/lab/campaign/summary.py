@@ -59,6 +59,15 @@ def summarise(outcomes: Sequence[Outcome], config: AttitudeMpcConfig) -> dict[st
         'largest_initial_angle_deg': max(o.initial_angle_deg for o in outcomes),
         'broken_loops': sum(bool(o.broken) for o in outcomes),
     }
+    if any(o.cones for o in outcomes):
+        figures['cones'] = {
+            'loops_by_number': {str(n): k for n, k in sorted(
+                Counter(o.cones for o in outcomes).items())},
+            'loops_whose_straight_way_crosses_one': sum(o.way_crosses_a_cone for o in outcomes),
+            'ticks_that_violate_one': sum(o.cone_violations for o in outcomes),
+            'time_not_kept_for_sure_s': sum(o.cone_violation_s for o in outcomes),
+            'least_margin_between_ticks_deg': min(
+                o.least_cone_margin_deg for o in outcomes if o.least_cone_margin_deg is not None)}
     if config.target == 'pointing':
         turned = [abs(o.roll_turned_deg) for o in outcomes if o.roll_turned_deg is not None]
         figures['roll_turned_deg'] = _quantiles(turned)

@@ -20,7 +20,7 @@ from manifold_mpc_ros.cli.plot_style import (
     styled,
 )
 from manifold_mpc_ros.config.cones import joined
-from manifold_mpc_ros.lab.recording.bags.cones import ConeHistory
+from manifold_mpc_ros.lab.reference.cone_history import ConeHistory
 from manifold_mpc_ros.lie.arrays import Array
 
 _GRID = np.linspace(-np.pi, np.pi, 721), np.linspace(-np.pi / 2.0, np.pi / 2.0, 361)

@@ -128,6 +128,14 @@ def _column(figures: dict[str, Any], plan: CampaignPlan) -> dict[str, str]:
         'warm solve, median / p99 [us]': _times(figures, 'warm'),
         'cold search, median / p99 [us]': _times(figures, 'cold'),
     }
+    cones = figures.get('cones')
+    if any(one.cones is not None for one in plan.sets) or config.cones:
+        rows['straight ways that cross a cone'] = 'no cones' if cones is None else str(
+            cones['loops_whose_straight_way_crosses_one'])
+        rows['cones: ticks that violate one / time not kept for sure [s] / least margin [deg]'] = (
+            'no cones' if cones is None else f'{cones["ticks_that_violate_one"]} / '
+            f'{cones["time_not_kept_for_sure_s"]:g} / '
+            f'{cones["least_margin_between_ticks_deg"]:.2g}')
     if pointing:
         roll = figures['roll_turned_deg']
         rows['roll turned, median / largest [deg]'] = f'{roll["median"]:.3g} / {roll["max"]:.3g}'
