@@ -50,6 +50,7 @@ def test_the_shipped_slew_settles_over_dds(tmp_path: Path) -> None:
     assert len(live) >= 3
     assert all(re.search(r'error +[\d.]+ deg   rate .* rad/s   torque .* N m   mode \w+', line)
                for line in live)
+    assert re.search(r'ticks outside D_N +│ +\d+ of \d+ ', done.stdout)
     assert 'mode NOMINAL' in live[-1]
     for name in ('response.png', 'orientation.png'):
         assert (folder / name).read_bytes().startswith(b'\x89PNG')

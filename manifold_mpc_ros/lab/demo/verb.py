@@ -165,6 +165,8 @@ def _finish(
             'solver_status', 'iterations', 'solve_time_us') if key in solver) or 'unknown'),
         ('promises broken', f'{solver.get("promises_broken", "unknown")} of '
          f'{solver.get("promises_checked", "unknown")} (decrease of the value function)'),
+        ('ticks outside D_N', f'{solver.get("ticks_outside_domain", "unknown")} of '
+         f'{solver.get("ticks", "unknown")} (no plan that keeps every limit reached the set)'),
         ('exit status', ', '.join(f'{name} {status}' for name, status in exits.items())),
     ]))
     report.say_written(console, _write(history, error_rad, settled_s, config, arguments))
