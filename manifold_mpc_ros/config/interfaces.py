@@ -38,7 +38,7 @@ WHEEL_STATES = ('wheel_states', 'sensor_msgs/msg/JointState', 'speeds of wheels 
 CLOCK = ('/clock', 'rosgraph_msgs/msg/Clock', 'time, with use_sim_time')
 #: What the simulator publishes with ``orbit.altitude_m``.
 MAGNETIC_FIELD = ('magnetic_field', 'sensor_msgs/msg/MagneticField',
-                  'magnetic field in body axes [T], on an orbit')
+                  'magnetic field, body axes [T]')
 
 #: What every node says of itself.
 DESCRIPTION = ('~/description', 'std_msgs/msg/String', 'parameters, versions; latched')

@@ -66,9 +66,11 @@ def test_a_missing_package_is_named_with_its_extra(
     command: Command, monkeypatch: pytest.MonkeyPatch, verb: str, package: str,
 ) -> None:
     monkeypatch.setitem(sys.modules, package, None)
-    bag = ['no_such_file'] if verb in ('replay', 'check', 'report', 'tune') else []
+    required = {verb: ['no_such_file'] for verb in ('replay', 'check', 'report', 'tune')}
+    required['export'] = ['--params', 'no_such_file', '--output', 'no_such_folder']
     assert_one_message(
-        *command(verb, *bag), f'{verb} needs {package}', "pip install 'manifold_mpc_ros[lab]'")
+        *command(verb, *required.get(verb, [])),
+        f'{verb} needs {package}', "pip install 'manifold_mpc_ros[lab]'")
 
 
 @pytest.mark.parametrize(('arguments', 'package', 'extra'), [
