@@ -115,13 +115,13 @@ def cone_problems(data: dict[str, Any]) -> str:
     starts = ', '.join(f'{count:,} from {n}' for n, count in data['starts_of_ipopt'].items())
     loops, search = data['loops'], data['search_cpu_ms']
     dearer = '; '.join(f'problem {row["problem"]} ({row["cones"]} cones) by '
-                       f'{100 * row["excess"]:.2g} %' for row in data['dearer']) or 'none'
+                       f'{100 * row["excess"]:.2g} %' for row in data['dearer'])
     return table(['', ''], [
         ['problems that IPOPT was asked, from so many starts each', starts],
         ['solved by IPOPT, and of those not by us',
          f'{data["solved_by_ipopt"]:,}, {len(data["not_solved_but_by_ipopt"])}'],
         ['ours dearer than the best of IPOPT by more than 1e-6',
-         f'{len(data["dearer"])}: {dearer}'],
+         ': '.join(filter(None, [str(len(data['dearer'])), dearer]))],
         ["IPOPT's best dearer than ours", str(data['ipopt_dearer'])],
         ['least angle to a cone under a plan, integrated 50 times finer [deg]',
          f'{data["least_angle_to_a_cone_deg"]:.2f}'],
