@@ -20,9 +20,6 @@ from manifold_mpc_ros.control.modes import (
 )
 
 STEP_NS = 10
-TIMEOUT_NS = 50
-PROPAGATE_NS = 20
-GOOD = Facts(0, SolveOutcome.USABLE, detail='solved')
 
 
 class Histories(RuleBasedStateMachine):
