@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
 import struct
@@ -125,6 +126,11 @@ def test_a_channel_loses_delays_repeats_and_swaps() -> None:
     kept = through(d.lost(0.5), 200)
     assert 60 < len(kept) < 140
     assert kept == sorted(kept)
+    numbers = [-1, *(each[0] for each in kept)]
+    assert max(b - a for a, b in itertools.pairwise(numbers)) > 5  # more than four in a row
+    numbers = [-1, *(each[0] for each in through(d.lost(0.5, most_in_a_row=4), 200))]
+    assert max(b - a for a, b in itertools.pairwise(numbers)) == 5
+    assert 80 < len(numbers) < 150
     assert through(d.late(0.03, 0.03), 200) == sent
     jittered = through(d.late(0.0, 0.06), 200)
     assert sorted(jittered) == sent

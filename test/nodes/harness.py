@@ -222,6 +222,23 @@ class Rig:
             meanwhile()
             self._spin_for(LOOK_S)
 
+    def tell(
+        self, publisher: Any, message: Any, condition: Callable[[], bool], what: str,
+    ) -> None:
+        """Publish once a second until a condition holds.
+
+        Inputs are best effort: what comes before a node knows of the publisher is lost.
+        """
+        next_s = 0.0
+
+        def publish() -> None:
+            nonlocal next_s
+            if time.monotonic() >= next_s:
+                publisher.publish(message)
+                next_s = time.monotonic() + 1.0
+
+        self.until(condition, what, meanwhile=publish)
+
     def settle(self) -> None:
         """Take in what is still on its way: until nothing has come for a while."""
         self._spin_for(10 * LOOK_S)

@@ -72,7 +72,7 @@ def test_simulator_waits_for_a_controller_and_repeats_what_is_not_answered(rig: 
     answer = WrenchStamped()
     answer.header.frame_id = 'base_link'
     answer.header.stamp.sec = 1
-    publisher.publish(answer)
+    rig.tell(publisher, answer, lambda: stamp_ns(states[-1]) > 1_000_000_000, 'time to begin')
     rig.until(lambda: int(values_of(diagnostics, 'lgvi_simulator')['lockstep_timeouts']) > 1,
               'timeouts')
     assert int(values_of(diagnostics, 'lgvi_simulator')['lockstep_repeats']) > 10

@@ -56,36 +56,31 @@ def test_what_moves_is_followed_and_what_cannot_be_is_said(rig: Rig) -> None:
     def said(key: str) -> str:
         return values_of(diagnostics, NODE).get(key, '')
 
-    paths.publish(message(0, RATE, range(9), frame='elsewhere'))
-    rig.until(lambda: said('refused.reference.wrong_frame') == '1', 'a refusal')
+    rig.tell(paths, message(0, RATE, range(9), frame='elsewhere'),
+             lambda: bool(said('refused.reference.wrong_frame')), 'a refusal')
     begin_ns = stamp_ns(states[-1])
-    paths.publish(message(begin_ns, RATE, range(0, 20_000, 20)))
-    settled_ns = [0]
-
-    def followed() -> bool:
-        if said('target') == 'moving' and not settled_ns[0]:
-            settled_ns[0] = stamp_ns(states[-1]) + 60 * 10**9
-        return 0 < settled_ns[0] < stamp_ns(states[-1]) - 60 * 10**9
-
-    rig.until(followed, 'the target to be followed')
+    rig.tell(paths, message(begin_ns, RATE, range(0, 20_000, 50)),
+             lambda: said('target') == 'moving', 'a moving target')
+    settled_ns = stamp_ns(states[-1]) + 60 * 10**9
+    rig.until(lambda: stamp_ns(states[-1]) > settled_ns + 60 * 10**9, 'the target to be followed')
     errors = [np.rad2deg(so3.angle(so3.exp(
         (stamp_ns(each) - begin_ns) / 1e9 * RATE).T @ attitude(each.pose.pose.orientation)))
-        for each in states if stamp_ns(each) > settled_ns[0]]
+        for each in states if stamp_ns(each) > settled_ns]
     assert len(errors) > 100
     assert max(errors) < 1e-3
     assert int(said('target_jumps')) == 1
 
-    fast = np.array([0.0, 0.0, 0.8])
-    paths.publish(message(0, fast, range(0, 4000, 2)))
-    rig.until(lambda: 'followed as near as they allow' in said('message'), 'the warning')
+    rig.tell(paths, message(0, np.array([0.0, 0.0, 0.8]), range(0, 400, 2)),
+             lambda: 'followed as near as they allow' in said('message'), 'the warning')
     assert float(said('target_limits_used')) > 1.3
-    assert int(said('target_jumps')) == 2
+    jumps = int(said('target_jumps'))
+    assert jumps > 1
 
     moving = Odometry()
     moving.header.frame_id = 'inertial'
     moving.pose.pose.orientation = to_quaternion(np.eye(3))
     moving.twist.twist.angular = to_vector(RATE)
-    setpoints.publish(moving)
+    rig.tell(setpoints, moving, lambda: int(said('target_jumps')) > jumps, 'the moving setpoint')
     rig.until(lambda: 'the setpoint is stale' in said('message'), 'staleness')
     assert said('target') == 'over'
     rig.until(lambda: float(said('attitude_error_deg')) < 1e-3, 'the last attitude')

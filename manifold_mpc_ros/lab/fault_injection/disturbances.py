@@ -62,11 +62,18 @@ class Channel:
         return due
 
 
-def lost(probability: float = 1.0) -> MakeDisturbance:
-    """Lose each message with a probability."""
-    def disturb(data: bytes, draws: random.Random) -> Deliveries:
-        return [] if draws.random() < probability else [(0.0, data)]
-    return lambda: disturb
+def lost(probability: float = 1.0, most_in_a_row: int | None = None) -> MakeDisturbance:
+    """Lose each message with a probability, not more than so many in a row."""
+    def make() -> Disturbance:
+        in_a_row = 0
+
+        def disturb(data: bytes, draws: random.Random) -> Deliveries:
+            nonlocal in_a_row
+            is_lost = draws.random() < probability and in_a_row != most_in_a_row
+            in_a_row = in_a_row + 1 if is_lost else 0
+            return [] if is_lost else [(0.0, data)]
+        return disturb
+    return make
 
 
 def late(least_s: float, most_s: float) -> MakeDisturbance:

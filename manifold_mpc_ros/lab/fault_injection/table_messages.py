@@ -104,8 +104,9 @@ STATE_FAULTS = (
           OnTopic(STATE, d.edited(ODOMETRY, d.filled(RATE, 1e300)))),
     Fault('state-lost-10', '10 % of the states are lost', LINK, OnTopic(STATE, d.lost(0.1)),
           Expectation(stays=MOSTLY_NOMINAL)),
-    Fault('state-lost-50', '50 % of the states are lost', LINK, OnTopic(STATE, d.lost(0.5)),
-          Expectation(stays=MOSTLY_NOMINAL)),
+    # Ten in a row are as old as a state may be, and rightly end in COAST; four are half of that.
+    Fault('state-lost-50', '50 % of the states are lost, at most 4 in a row', LINK,
+          OnTopic(STATE, d.lost(0.5, most_in_a_row=4)), Expectation(stays=MOSTLY_NOMINAL)),
     Fault('state-lost', 'no state arrives', LINK, OnTopic(STATE, d.lost()),
           Expectation(modes=NO_STATE)),
     Fault('state-late', 'states are 30 ms late', LINK, OnTopic(STATE, d.late(0.03, 0.03))),
