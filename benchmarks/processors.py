@@ -24,6 +24,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -117,13 +118,15 @@ def study(setting: Setting, arguments: Sequence[str], workers: int, folder: Path
 
 def pytest(arguments: Sequence[str], workers: int, environment: dict[str, str], report: Path
            ) -> dict[str, Any]:
-    """Run pytest once; return its counts and the names of what did not pass."""
-    begun_s = time.monotonic()
+    """Run pytest once; return when, beside what load, its counts, and what did not pass."""
+    begun, begun_s = datetime.now(timezone.utc), time.monotonic()
     done = subprocess.run(
         [sys.executable, '-m', 'pytest', '-q', f'--timeout={TIMEOUT_S}', f'--junitxml={report}',
          '-n', str(workers), '--dist', 'loadfile', *arguments], cwd=TOP, env=environment,
         check=False)
-    row = {'elapsed_s': round(time.monotonic() - begun_s), 'ended': ending(done.returncode)}
+    row = {'begun': begun.isoformat(timespec='seconds'),
+           'elapsed_s': round(time.monotonic() - begun_s),
+           'load_last_15_min': round(os.getloadavg()[2], 1), 'ended': ending(done.returncode)}
     if not report.is_file():
         return {**row, 'passed': 0, 'failed': 0, 'skipped': 0, 'not_passed': []}
     cases = list(ET.parse(report).iter('testcase'))
@@ -151,14 +154,15 @@ def keep(name: str, row: dict[str, Any]) -> None:
 def show(rows: dict[str, dict[str, Any]]) -> None:
     """Print one line for each run."""
     print(f'\n{"setting":14} {"OpenBLAS":12} {"numpy":16} {"passed":>7} {"failed":>7} '
-          f'{"skipped":>8} {"s":>6}')
+          f'{"skipped":>8} {"s":>6} {"load":>5}')
     for name, row in rows.items():
         if 'cannot_run' in row:
             print(f'{name:14} cannot run here: {row["cannot_run"]}')
         for run in row.get('runs', []):
             print(f'{name:14} {row["openblas_core"]:12} {" ".join(row["numpy_simd"]):16} '
                   f'{run["passed"]:7} {run["failed"]:7} {run["skipped"]:8} '
-                  f'{run["elapsed_s"]:6} {"" if passed(run) else run["ended"]}')
+                  f'{run["elapsed_s"]:6} {run["load_last_15_min"]:5} '
+                  f'{"" if passed(run) else run["ended"]}')
             for case in run['not_passed']:
                 print(f'    {case}')
 
