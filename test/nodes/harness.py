@@ -7,7 +7,6 @@ Everything waits for conditions, and fails with the processes' own words when on
 
 from __future__ import annotations
 
-import fcntl
 import os
 import signal
 import subprocess
@@ -29,9 +28,9 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 
+from manifold_mpc_ros.cli.processes import reserved_domain
+
 CONFIG = Path(__file__).parents[2] / 'config'
-#: Domains whose ports lie below the range that the kernel gives to others.
-DOMAINS = range(1, 101)
 #: A first start on a busy machine may have to compile the solver.
 PATIENCE_S = 90.0
 #: Messages are taken in for so long between two looks at a condition.
@@ -39,21 +38,6 @@ LOOK_S = 0.02
 DEEP = QoSProfile(depth=2000, reliability=ReliabilityPolicy.RELIABLE)
 
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-
-
-@contextmanager
-def reserved_domain() -> Iterator[int]:
-    """Hold a domain that no other test on this machine holds, in any process."""
-    for domain in sorted(DOMAINS, key=lambda number: (number * 37 + os.getpid()) % 101):
-        path = Path(tempfile.gettempdir(), f'manifold_mpc_ros_domain_{domain}.lock')
-        with path.open('w') as lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                continue
-            yield domain
-            return
-    raise RuntimeError('every domain is taken')
 
 
 def child_environment(domain: int, **variables: str) -> dict[str, str]:

@@ -15,13 +15,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from properties import PROPERTY
 
+from manifold_mpc_ros.cli.processes import reserved_domain
 from manifold_mpc_ros.config.ros_parser import parse_ros_parameters
 from manifold_mpc_ros.config.yaml_file import applies
 from manifold_mpc_ros.errors import ConfigurationError
 
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 
-from harness import child_environment, reserved_domain
+from harness import child_environment
 
 # Thousands of nodes start, one after the other.
 pytestmark = pytest.mark.timeout(1500)

@@ -14,10 +14,11 @@ import pytest
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 
 import rclpy
-from harness import file_with, reserved_domain
+from harness import file_with
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
 
+from manifold_mpc_ros.cli.processes import reserved_domain
 from manifold_mpc_ros.nodes.controller import main as controller
 from manifold_mpc_ros.nodes.controller.node import AttitudeControllerNode
 from manifold_mpc_ros.nodes.simulator import main as simulator

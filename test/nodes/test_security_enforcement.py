@@ -21,9 +21,11 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 
-from harness import PATIENCE_S, Rig, child_environment, log_line, reserved_domain
+from harness import PATIENCE_S, Rig, child_environment, log_line
 from keystores import enforce, has_sros2
 from secured_client import Task, arguments
+
+from manifold_mpc_ros.cli.processes import reserved_domain
 
 if TYPE_CHECKING:
     from harness import Process

@@ -99,7 +99,7 @@ def test_a_run_in_the_messages_of_a_stack_is_recorded_judged_and_replayed(
     (tmp_path / 'run.yaml').write_text(SCENARIO.format(
         stack='mine.yaml' if stack == 'basilisk' else stack, setpoints=setpoints, time=time,
     ), encoding='utf-8')
-    environment = dict(node_environment(0), PYTHONPATH=str(packages),
+    environment = dict(node_environment(0), ROS_DOMAIN_ID='', PYTHONPATH=str(packages),
                        AMENT_PREFIX_PATH=str(packages))
 
     def verb(*words: str) -> str:

@@ -17,6 +17,8 @@ from typing import IO
 import pytest
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 
+from manifold_mpc_ros.cli.processes import reserved_domain
+
 TOP = Path(__file__).parents[2]
 COMMANDS = {'controller', 'guidance', 'simulator', 'markers', 'manifold-mpc'}
 PIP = [sys.executable, '-m', 'pip', '--disable-pip-version-check', '--no-input']
@@ -60,21 +62,20 @@ def shipped(folder: Path) -> dict[str, bytes]:
     return {p.relative_to(folder).as_posix(): p.read_bytes() for p in files if p.is_file()}
 
 
-def starts_and_stops(command: Sequence[str | Path], parameters: Path, **variables: str) -> None:
+def starts_and_stops(command: Sequence[str | Path], parameters: Path) -> None:
     """Start a node with a parameter file, wait until it is active, end it with SIGINT."""
     arguments = [*map(str, command), '--ros-args', '--params-file', str(parameters)]
-    apart = environment(ROS_DOMAIN_ID=str(1 + os.getpid() % 100), **variables)
-    node = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                            env=apart, cwd=parameters.parent)
-    try:
-        assert node.stdout is not None
-        seen = read_until(rb'\]: active\b', node.stdout, timeout_s=60.0)
-        node.send_signal(signal.SIGINT)
-        rest, _ = node.communicate(timeout=10.0)
-        assert node.returncode == 0, (seen + rest).decode()
-    finally:
-        node.kill()
-        node.wait()
+    with reserved_domain() as domain, subprocess.Popen(
+            arguments, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, cwd=parameters.parent,
+            env=environment(ROS_DOMAIN_ID=str(domain))) as node:
+        try:
+            assert node.stdout is not None
+            seen = read_until(rb'\]: active\b', node.stdout, timeout_s=90.0)
+            node.send_signal(signal.SIGINT)
+            rest, _ = node.communicate(timeout=30.0)
+            assert node.returncode == 0, (seen + rest).decode()
+        finally:
+            node.kill()
 
 
 def read_until(pattern: bytes, stream: IO[bytes], timeout_s: float) -> bytes:
