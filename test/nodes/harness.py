@@ -228,10 +228,10 @@ class Rig:
         self._spin_for(10 * LOOK_S)
 
     def _spin_for(self, duration_s: float) -> None:
-        """Take in what has come, for a short while."""
+        """Take in what has come, for a short while; each topic has its turn, as the wait is one."""
         end = time.monotonic() + duration_s
-        while (left_s := end - time.monotonic()) > 0.0:
-            self._executor.spin_once(timeout_sec=left_s)
+        while time.monotonic() < end:
+            self._executor.spin_once(timeout_sec=LOOK_S)
 
     def close(self) -> None:
         """End every process and the watcher, also when one does not end by itself."""

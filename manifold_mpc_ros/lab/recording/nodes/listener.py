@@ -57,10 +57,14 @@ class Listener:
         rclpy.try_shutdown(context=self._context)
 
     def spin(self, duration_s: float) -> None:
-        """Take in what comes within a while of wall clock."""
+        """Take in what comes within a while of wall clock, up to twice that where nothing comes.
+
+        The wait stays the same from call to call: with another one rclpy's executor begins anew
+        at the first subscription, and a topic that never rests keeps all others from being heard.
+        """
         end_s = time.monotonic() + duration_s
-        while (left_s := end_s - time.monotonic()) > 0.0:
-            self._executor.spin_once(timeout_sec=left_s)
+        while time.monotonic() < end_s:
+            self._executor.spin_once(timeout_sec=duration_s)
 
     def until(self, condition: Condition, watch: Watch) -> None:
         """Take in what comes until a condition holds; ``watch`` raises when it never will."""
