@@ -61,6 +61,7 @@ class Bench:
             self._commands, self._moves = len(self.torques), 0
         if self._moves >= 5 and self._waits < WAITS:
             self._waits += 1
+            self._show_time()
             return
         self._moves, self._waits = self._moves + 1, 0
         self.now_ns += STEP_NS // 5
@@ -68,6 +69,10 @@ class Bench:
             state = odometry(self.now_ns)
             edit(state)
             self.states.publish(state)
+        self._show_time()
+
+    def _show_time(self) -> None:
+        """Publish the time, again where it may have been lost."""
         self.clock.publish(Clock(clock=Time(
             sec=self.now_ns // 10**9, nanosec=self.now_ns % 10**9)))
 

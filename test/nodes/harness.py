@@ -223,8 +223,14 @@ class Rig:
 
         self.until(condition, what, meanwhile=publish)
 
+    def more(self, seen: list[Any], count: int, what: str,
+             meanwhile: Callable[[], None] = lambda: None) -> None:
+        """Wait for so many further messages: whoever sends them has gone on meanwhile."""
+        before = len(seen)
+        self.until(lambda: len(seen) >= before + count, what, meanwhile=meanwhile)
+
     def settle(self) -> None:
-        """Take in what is still on its way: until nothing has come for a while."""
+        """Take in what has come, and what comes within a moment."""
         self._spin_for(10 * LOOK_S)
 
     def _spin_for(self, duration_s: float) -> None:

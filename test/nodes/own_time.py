@@ -19,14 +19,14 @@ LONGEST_END_S = 1.0
 
 
 class OwnTime:
-    """Time since the construction, less the waits for a processor of a process and of this one.
+    """Time since the construction, less the waits for a processor of processes and of this one.
 
     The kernel's own account of every thread (run delay in schedstat); of one that ends, what it
     was at the last look.
     """
 
-    def __init__(self, pid: int) -> None:
-        self._pids = (pid, os.getpid())
+    def __init__(self, *pids: int) -> None:
+        self._pids = (*pids, os.getpid())
         self._begun_s = time.monotonic()
         self._begun_ns = self._waits_ns()
         self._latest_ns = dict(self._begun_ns)

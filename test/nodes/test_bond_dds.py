@@ -82,8 +82,9 @@ def test_a_bond_forms_ends_and_forms_again(
     rig.until(lambda: not manager.heard[-1].active, 'the acknowledgement',
               meanwhile=lambda: manager.say(active=False))
     rig.until(lambda: bond() == 'ended', 'no bond')
+    rig.more(diagnostics, 2, 'further words')
     manager.heard.clear()
-    rig.settle()
+    rig.more(diagnostics, 2, 'further words')
     assert not manager.heard
     state = rig.call(GetState, f'/{NODE}/get_state', GetState.Request()).current_state
     assert state.id == State.PRIMARY_STATE_ACTIVE

@@ -91,8 +91,8 @@ def test_a_cone_whose_direction_comes_by_topic_is_gone_round(rig: Rig) -> None:
 
     rig.until(lambda: said('refused.sun_direction.zero_direction'), 'a refusal',
               meanwhile=lambda: publisher.publish(direction_message((0.0, 0.0, 0.0))))
-    for _ in range(3):
-        publisher.publish(direction_message(SUN))
+    rig.tell(publisher, direction_message(SUN), lambda: values_of(
+        diagnostics, 'attitude_controller').get('directions', '0') != '0', 'the direction')
     rig.activate('/lgvi_simulator')
     rig.until(lambda: bool(states) and error_rad(states[-1]) < 1e-3, 'the target',
               meanwhile=lambda: publisher.publish(direction_message(SUN)))

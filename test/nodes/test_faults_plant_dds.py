@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from harness import Rig
 
 NODE = 'lgvi_simulator'
+MAX_TORQUE_N_M = 0.3  # about x, where the moment of inertia is 1 kg m^2
 FAST = {'plant.step_s': 0.01, 'timing.state_period_s': 0.02, 'timing.control_period_s': 0.1}
 
 
@@ -52,11 +53,11 @@ class Commands:
         message.wrench.torque.x = x
         return message
 
-    def until(self, condition: Callable[[], bool], what: str, *torques: WrenchStamped) -> None:
-        """Publish these torques until a condition holds."""
+    def until(self, condition: Callable[[], bool], what: str, **form: Any) -> None:
+        """Publish a torque, each time in answer to the latest state, until a condition holds."""
         def publish() -> None:
-            for torque in torques:
-                self.publisher.publish(torque)
+            if form:
+                self.publisher.publish(self.message(**form))
 
         self.rig.until(condition, what, meanwhile=publish)
 
@@ -68,29 +69,31 @@ def test_only_a_fresh_finite_torque_in_the_body_frame_acts_and_within_the_limits
     rig: Rig,
 ) -> None:
     commands = Commands(rig)
-    for key, torque in (
-        ('non_finite', commands.message(math.nan)),
-        ('non_finite', commands.message(math.inf)),
-        ('wrong_frame', commands.message(0.3, frame='inertial')),
-        ('stale', commands.message(0.3, age_s=30.0)),
+    for key, form in (
+        ('non_finite', {'x': math.nan}),
+        ('non_finite', {'x': math.inf}),
+        ('wrong_frame', {'x': 0.3, 'frame': 'inertial'}),
+        ('stale', {'x': 0.3, 'age_s': 30.0}),
     ):
         before = int(commands.value(f'refused.torque_command.{key}'))
         commands.until(lambda k=key, n=before: int(
-            commands.value(f'refused.torque_command.{k}')) > n + 2, key, torque)
+            commands.value(f'refused.torque_command.{k}')) > n + 2, key, **form)
         assert commands.rate() == 0.0
     good = bytes(serialize_message(commands.message(0.3)))
     for data in (b'', good[:-12], good[:20], b'\xff' * 80):
         commands.publisher.publish(data)
-    rig.settle()
+    rig.more(commands.states, 5, 'states')
     assert commands.rate() == 0.0
 
-    commands.until(lambda: commands.rate() > 0.01, 'motion', commands.message(1e12))
-    assert commands.rate() < 0.3  # and not 1e10 rad/s
+    commands.until(lambda: commands.rate() > 0.01, 'motion', x=1e12)
+    later, earlier = commands.states[-1], commands.states[-2]
+    gained = float(rate_rad_s(later)[0] - rate_rad_s(earlier)[0])  # and not 1e10 rad/s
+    assert gained <= MAX_TORQUE_N_M * (stamp_ns(later) - stamp_ns(earlier)) / 1e9 + 1e-9
     commands.until(lambda: int(commands.value('saturated')) > 0, 'the clipped torque')
     commands.until(lambda: int(commands.value('expired_commands')) > 0, 'the end of its life')
+    rig.more(commands.states, 5, 'states')
     rate = commands.rate()
-    states = len(commands.states)
-    rig.until(lambda: len(commands.states) > states + 5, 'states')
+    rig.more(commands.states, 5, 'states')
     assert commands.rate() == pytest.approx(rate, abs=1e-6)
     assert all(math.isfinite(x) for state in commands.states for x in rate_rad_s(state))
     assert commands.value('exceptions') == '0'
@@ -109,10 +112,9 @@ def test_two_publishers_of_the_torque_latch_zero_until_a_reset(rig: Rig) -> None
     message = values_of(commands.diagnostics, NODE)['message']
     assert message == 'two publishers of torque_command (zero until ~/reset)'
     rig.node.destroy_publisher(second)
-    rig.settle()
+    rig.more(commands.states, 5, 'states')
     rate, states = commands.rate(), len(commands.states)
-    commands.until(lambda: len(commands.states) > states + 10, 'states', commands.message(0.3))
+    commands.until(lambda: len(commands.states) > states + 10, 'states', x=0.3)
     assert commands.rate() == pytest.approx(rate, abs=1e-6)
     assert rig.call(Trigger, f'/{NODE}/reset', Trigger.Request()).success
-    commands.until(lambda: commands.rate() > 0.01, 'motion after the reset',
-                   commands.message(0.3))
+    commands.until(lambda: commands.rate() > 0.01, 'motion after the reset', x=0.3)

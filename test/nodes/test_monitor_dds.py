@@ -90,6 +90,7 @@ def test_another_body_is_warned_of(rig: Rig, plant: dict[str, Any]) -> None:
     process = start(rig, plant)
     rig.until(lambda: count(diagnostics, 'ticks') > 30, 'thirty ticks')
     ticks = by_tick(diagnostics)
+    rig.more(diagnostics, 5, 'further ticks')  # what is logged of these ticks is in the log
     broken = [tick for tick, (_, _, values) in ticks.items() if values['promise'] == 'broken']
     assert broken
     for number, tick in enumerate(broken, start=1):

@@ -61,6 +61,9 @@ def test_a_latched_setpoint_from_before_the_start_counts_once(
         plain.publish(make(0.3))
 
     bench.until(lambda: bench.pulls(1e-3), 'torque', again)
+    for _ in range(2):  # so that none of them is still on its way
+        taken = len(bench.diagnostics)
+        bench.until(lambda n=taken: len(bench.diagnostics) > n, 'diagnostics', valid)
     latched.publish(make(0.6))
     bench.until(lambda: not bench.pulls(1e-6), 'rest', valid)
     said = len(bench.diagnostics)
