@@ -234,7 +234,7 @@ class Rig:
         self._spin_for(10 * LOOK_S)
 
     def _spin_for(self, duration_s: float) -> None:
-        """Take in what has come, for a short while; each topic has its turn, as the wait is one."""
+        """Take in what comes within a while; the wait stays the same: see `Listener.spin`."""
         end = time.monotonic() + duration_s
         while time.monotonic() < end:
             self._executor.spin_once(timeout_sec=LOOK_S)

@@ -11,9 +11,9 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 
-from harness import reserved_domain
 from std_msgs.msg import String
 
+from manifold_mpc_ros.cli.processes import reserved_domain
 from manifold_mpc_ros.lab.recording.nodes.listener import Listener
 
 
