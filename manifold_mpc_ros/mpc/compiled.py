@@ -12,23 +12,22 @@ from __future__ import annotations
 import ctypes
 import math
 import struct
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from manifold_mpc_ros.config.cones import Cone
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.lie.arrays import Array
-from manifold_mpc_ros.mpc.library import Controller, Kept, Library, LoopRecord, Solve, WaysFunction
+from manifold_mpc_ros.mpc.library import Controller, Kept, Library, LoopRecord, Solve
 from manifold_mpc_ros.mpc.program import fields as f
 from manifold_mpc_ros.mpc.program.layout import layout_of
+from manifold_mpc_ros.mpc.program.options import VIAS
 from manifold_mpc_ros.mpc.program.phase import Field, Memory, Structure
 from manifold_mpc_ros.mpc.reports import Progress, Report, StateReport
 from manifold_mpc_ros.mpc.scaling import TERMINAL_LEVEL, Scaling, scaling_of
 from manifold_mpc_ros.mpc.search import guard_squared, quickest_rad_s2, starts
-from manifold_mpc_ros.mpc.stages.cone import AIM
 from manifold_mpc_ros.mpc.stages.inequalities import (
     cone_inequalities,
     inequalities_of,
@@ -66,7 +65,7 @@ class CompiledMpc:
             self._answer, np.cumsum([_HEAD.size // 8, 3 * n, 9 * (n + 1)]))
         self._torques, self._rates = torques.reshape(n, 3), rates.reshape(n + 1, 3)
         self._attitudes = attitudes.reshape(n + 1, 3, 3)
-        self._starts = starts(config)
+        self._starts, self._ways = starts(config), np.zeros((VIAS, 2))
         addresses = [each.ctypes.data for each in self._plans]
         unit = scaling_of(config)
         self._controller = Controller(
@@ -74,14 +73,13 @@ class CompiledMpc:
                         g=self._globals.ctypes.data, horizon=self.horizon),
             kept=Kept(addresses[2]), best=Kept(addresses[3]), other=Kept(addresses[4]),
             starts=self._starts.ctypes.data, start_count=len(self._starts),
-            answer=self._answer.ctypes.data, time_s=unit.time_s, torque_n_m=unit.torque_n_m,
-            rate_rad_s=unit.rate_rad_s, cost=unit.cost, step_s=config.step_s,
+            answer=self._answer.ctypes.data, ways=self._ways.ctypes.data,
+            time_s=unit.time_s, torque_n_m=unit.torque_n_m, rate_rad_s=unit.rate_rad_s,
+            cost=unit.cost, step_s=config.step_s,
             quickest=quickest_rad_s2(config), guard_squared=guard_squared(config),
             level=numbers[f.PARAMETER][TERMINAL_LEVEL], allowed=1, inside=1)
         self._address = ctypes.byref(self._controller)
         library.prepare(self._address)
-        if cone_inequalities(structure):
-            self._set_nodes(AIM, np.tile((1.0, 0.0, 0.0, 0.0), (self.horizon + 1, 1)))
 
     def _stages(self, memory: Memory) -> Array:
         """Return memory for N + 1 stages in blocks of lanes, one before them and one behind."""
@@ -131,21 +129,6 @@ class CompiledMpc:
     def set_level(self, level: float, *, allowed: bool) -> None:
         """Set the dimensionless level c of the terminal set, and whether there is one."""
         self._controller.level, self._controller.allowed = level, allowed
-
-    def set_ways(self, ways: Callable[[Array, bool], Sequence[Array]], most: int) -> None:
-        """Ask for ways round cones, at most so many arrays (N + 1, 4).
-
-        From R_DB (3, 3), and whether a cone has held the best plan back.
-        """
-        aims = self._aims = np.zeros((most, self.horizon + 1, 4))
-
-        def write(held: int) -> int:
-            found = ways(self.attitude, bool(held))
-            if found:
-                aims[:len(found)] = found
-            return len(found)
-        self._controller.ways = self._ways = WaysFunction(write)
-        self._controller.aims = aims.ctypes.data
 
     def set_cones(self, kept: Sequence[Cone], directions_N: Array) -> None:
         """Set the cones that nodes keep, and their directions at every node, (N + 1, n, 3)."""
@@ -221,19 +204,13 @@ class CompiledMpc:
         """Begin with the slew law, the short way, with barrier parameter mu."""
         self._library.begin_slew(self._address, mu)
 
-    def begin_way(self, aims: Array) -> None:
-        """Begin with the slew law towards what it aims at, stage by stage (N + 1, 4)."""
-        aims = np.ascontiguousarray(aims)
-        self._library.begin_way(self._address, aims.ctypes.data)
+    def begin_way(self, by: Array) -> None:
+        """Begin a start by way of an attitude, its quaternion (4,) in the target's axes."""
+        self._library.begin_way(self._address, by.ctypes.data)
 
     def iterate(self, most: int) -> None:
         """Run up to ``most`` passes in all, until it ends."""
         self._library.iterate(self._address, most, math.inf)
-
-    @property
-    def attitude(self) -> Array:
-        """The attitude R_DB (3, 3) from which plans start."""
-        return so3.rotation_from_quaternion(self._global(f.START)[:4])
 
     @property
     def progress(self) -> Progress:

@@ -1,6 +1,6 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The cones of a controller: where they are, what they leave of the terminal set, ways round."""
+"""The cones of a controller: where they are, and what they leave of the terminal set."""
 
 from __future__ import annotations
 
@@ -14,13 +14,12 @@ from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.compiled import CompiledMpc
 from manifold_mpc_ros.mpc.scaling import scaling_of
-from manifold_mpc_ros.mpc.ways import MOST_WAYS, Ways
 from manifold_mpc_ros.terminal.cone_cut import cut_level, spread, target_margins_rad
 from manifold_mpc_ros.terminal.design import TerminalDesign
 
 
 class ConeKeeper:
-    """Hands cones, the level that they leave, and ways round them to the solver."""
+    """Hands cones, and the level that they leave, to the solver."""
 
     def __init__(self, config: AttitudeMpcConfig, terminal: TerminalDesign, solver: CompiledMpc
                  ) -> None:
@@ -31,9 +30,6 @@ class ConeKeeper:
         self._margins: dict[str, float] = {}
         self._kept = config.kept_cones
         self._level, self._share, self._allowed = terminal.c, 1.0, True
-        if config.cones:
-            self._ways = Ways(config)
-            solver.set_ways(self._aims, MOST_WAYS)
         self.set_directions(None)
 
     def set_directions(self, directions_N: Mapping[str, ArrayLike] | None) -> None:
@@ -75,12 +71,3 @@ class ConeKeeper:
     def target_margins_rad(self) -> dict[str, float]:
         """By which angle the target keeps each cone or group [rad]; negative: missing."""
         return self._margins
-
-    def _aims(self, R_DB: Array, held: bool) -> list[Array]:
-        """Return what starts from an attitude (3, 3) aim at, stage by stage, (N + 1, 4) each.
-
-        None where neither a cone ``held`` the best plan nor the straight way crosses one.
-        """
-        horizon = self._config.horizon
-        seen = self._directions_N[[0, horizon // 2, horizon]] @ self._R_ND
-        return self._ways.aims(self._kept, seen, R_DB, held=held)

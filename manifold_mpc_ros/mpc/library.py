@@ -12,8 +12,6 @@ from typing import Any
 from manifold_mpc_ros.errors import SolverBuildError
 
 _POINTER, _DOUBLE, _INTEGER = ctypes.c_void_p, ctypes.c_double, ctypes.c_long
-#: Writes the aims of ways round cones; maps whether a cone holds the best plan to their number.
-WaysFunction = ctypes.CFUNCTYPE(_INTEGER, _INTEGER)
 
 
 def _fields(*kinds: tuple[Any, str]) -> list[tuple[str, Any]]:
@@ -39,8 +37,7 @@ class Controller(ctypes.Structure):
     """The struct ``controller`` of search.c."""
 
     _fields_ = _fields(
-        (Solve, 'solve'), (Kept, 'kept best other'), (_POINTER, 'starts answer reported'),
-        (WaysFunction, 'ways'), (_POINTER, 'aims'),
+        (Solve, 'solve'), (Kept, 'kept best other'), (_POINTER, 'starts answer reported ways'),
         (_DOUBLE, 'time_s torque_n_m rate_rad_s cost step_s quickest guard_squared level'),
         (_DOUBLE * 3, 'disturbance_n_m'), (_DOUBLE, 'value_bound deadline_s local_s'),
         (_INTEGER, 'start_count allowed warm inside violating passes searched'))

@@ -46,9 +46,16 @@ _SHAPES = Parameters(
     torque_hessian=(3, 3), terminal_weight=(6, 6), terminal_level=(1, 1), terminal_gain=(3, 6),
     guard=(1, 1), pointing_axis=(3, 1), pointing_across=(3, 1))
 PARAMETERS = sum(rows * columns for rows, columns in _SHAPES)
-#: Place of the terminal level in the flat vector.
-TERMINAL_LEVEL = sum(rows * columns for rows, columns in _SHAPES[
-    :Parameters._fields.index('terminal_level')])
+
+
+def _place(name: str) -> int:
+    """Return where a block begins in the flat vector."""
+    return sum(rows * columns for rows, columns in _SHAPES[:Parameters._fields.index(name)])
+
+
+#: Places of the terminal level and of the pointing axis in the flat vector.
+TERMINAL_LEVEL = _place('terminal_level')
+POINTING_AXIS = _place('pointing_axis')
 
 
 def unpack(flat: ca.SX) -> Parameters:

@@ -20,7 +20,7 @@ from manifold_mpc_ros.mpc.program import fields, options
 from manifold_mpc_ros.mpc.program.layout import Layout, layout_of
 from manifold_mpc_ros.mpc.program.phase import Memory, Order, Phase, Ref, Structure
 from manifold_mpc_ros.mpc.program.program import program_of
-from manifold_mpc_ros.mpc.scaling import TERMINAL_LEVEL
+from manifold_mpc_ros.mpc.scaling import POINTING_AXIS, TERMINAL_LEVEL
 from manifold_mpc_ros.mpc.stages.cone import AIM
 from manifold_mpc_ros.mpc.stages.inequalities import cone_inequalities, terminal_level
 
@@ -147,17 +147,32 @@ def defines(structure: Structure) -> str:
         **{field.name.upper(): layout.first_row(field) for field in named},
         **{f'{memory.name}_ROWS': layout.rows(memory) for memory in Memory},
         **options.constants(), 'PI': math.pi, 'TERMINAL_LEVEL': TERMINAL_LEVEL,
+        'POINTING_AXIS': POINTING_AXIS,
         'POINTING': int(structure.pointing),
         'HAS_TERMINAL_SET': int(terminal_level(structure) is not None)}
     lines = [f'#define {name} {value if isinstance(value, int) else number(value)}'
              for name, value in values.items()]
-    return '\n'.join([*lines, f'#define WARM_STARTS {options.warm_starts()}', ''])
+    return '\n'.join([*lines, f'#define WARM_STARTS {options.warm_starts()}',
+                      *_cone_defines(structure), ''])
+
+
+def _cone_defines(structure: Structure) -> list[str]:
+    """Return where numbers and directions of each cone lie, of which value and kind it is."""
+    layout, places, value = layout_of(structure), [], 0
+    for each in cone_inequalities(structure):
+        for i in range(each.cones):
+            places.append(f'{{{layout.first_row(each.data) + 4 * i}, '
+                          f'{layout.first_row(each.direction) + 3 * i}, '
+                          f'{value + i // each.members}, {int(each.members > 1)}}}')
+        value += each.rows
+    return [f'#define CONE_COUNT {len(places)}', f'#define CONES {{{", ".join(places)}}}'
+            ] if places else []
 
 
 def parts_code(structure: Structure, without: tuple[str, ...] = ()) -> str:
     """Return the phases and the functions that run the parts of a solve, but for some parts."""
     parts = {name: part for name, part in program_of(structure)._asdict().items()
-             if name not in without}
+             if part and name not in without}
     phases = {phase.name: phase for part in parts.values() for phase in part}
     return '\n'.join([
         *(phase_code(phase, layout_of(structure)) for phase in phases.values()),
@@ -169,8 +184,14 @@ def source(name: str) -> str:
     return (Path(__file__).resolve().parent / name).read_text(encoding='utf-8')
 
 
+def controller_code(structure: Structure) -> str:
+    """Return what is written by hand around the phases."""
+    ways = ('ways.c',) if cone_inequalities(structure) else ()
+    return '\n'.join(source(name) for name in ('driver.c', *ways, 'search.c'))
+
+
 def program_code(structure: Structure) -> str:
     """Return the whole solver as one C file, with what Python calls."""
     return '\n'.join([
         source('lanes.h'), defines(structure), parts_code(structure),
-        *(source(name) for name in ('driver.c', 'search.c', 'python.c'))])
+        controller_code(structure), source('python.c')])

@@ -26,6 +26,9 @@ static void prepare(solve *s)
     for (long k = -LANES; k <= s->horizon + LANES; ++k) {
         s->model[AT(MODEL_ROWS, INNER, k)] = k < s->horizon;
         s->model[AT(MODEL_ROWS, LATER, k)] = k > 0;
+#ifdef AIM
+        s->model[AT(MODEL_ROWS, AIM, k)] = 1.0;
+#endif
     }
 }
 

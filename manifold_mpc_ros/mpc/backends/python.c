@@ -47,9 +47,15 @@ void mpc_begin_slew(controller *c, double mu)
     begin_slew(&c->s, mu, none, 0);
 }
 
-void mpc_begin_way(controller *c, const double *aims)
+/* Begin a start by way of an attitude (4,); nothing without cones. */
+void mpc_begin_way(controller *c, const double *by)
 {
-    begin_way(&c->s, aims);
+#ifdef AIM
+    begin_way(&c->s, by);
+#else
+    (void)c;
+    (void)by;
+#endif
 }
 
 void mpc_iterate(controller *c, long most, double deadline_s)

@@ -23,9 +23,7 @@ typedef struct controller {
     const start *starts;
     double *answer;             /* STATUS .. LOCAL_S, torques (N, 3), R_NB (N + 1, 9), rates (N + 1, 3) */
     const double *reported;     /* the plan that the report in g is of */
-    /* Writes aims (count, N + 1, 4) of ways round cones; whether one holds the best plan. */
-    long (*ways)(long held);
-    double *aims;
+    double *ways;               /* (VIAS, 2): ways round cones, what they violate and their length */
     double time_s, torque_n_m, rate_rad_s, cost;    /* units */
     double step_s, quickest, guard_squared, level;
     double disturbance_n_m[3];
@@ -137,24 +135,6 @@ static void begin_start(solve *s, const double *from, double steps)
         flip(s);
 }
 
-/* Begin a start that aims at attitudes (N + 1, 4) one after another. */
-static void begin_way(solve *s, const double *aims)
-{
-#ifdef AIM
-    static const double straight[4] = {1.0, 0.0, 0.0, 0.0}, none[3] = {0.0, 0.0, 0.0};
-    for (int after = 0; after < 2; ++after) {
-        for (long k = 0; k <= s->horizon; ++k)
-            for (int i = 0; i < 4; ++i)
-                s->model[AT(MODEL_ROWS, AIM + i, k)] = after ? straight[i] : aims[4 * k + i];
-        if (!after)
-            begin_slew(s, COLD_BARRIER, none, 0);
-    }
-#else
-    (void)s;
-    (void)aims;
-#endif
-}
-
 /* The first torque of a plan, rounded to 1e-6 of its largest component. */
 static void rounded(const double *memory, double torque[3])
 {
@@ -231,22 +211,29 @@ static int touches_cone(controller *c, const plan *p)
 /* The same over ways round cones, if one touches the best plan or is in the straight way. */
 static int search_ways(controller *c, int found, int with_set)
 {
-    if (!c->ways)
+#ifdef AIM
+    double least = found ? c->best.cost : INFINITY, begun_s = now_s();
+    if (found && !touches_cone(c, &c->best) && is_straight_way_free(&c->s))
         return found;
-    double least = found ? c->best.cost : INFINITY;
-    long count = c->ways(!found || touches_cone(c, &c->best));
-    double begun_s = now_s();
+    score_ways(&c->s, c->ways);
     use_set(c, with_set);
-    for (long i = 0; i < count; ++i) {
+    for (long i = 0; i < MOST_WAYS; ++i) {
+        double by[4];
         if (least < INFINITY && is_over(c->deadline_s))
             break;
-        begin_way(&c->s, c->aims + i * 4 * (c->s.horizon + 1));
+        via(take_way(c->ways), by);
+        begin_way(&c->s, by);
         if (run_start(c, least))
             least = take_better(c, &c->best, least);
     }
     c->local_s += now_s() - begun_s;
     c->reported = NULL;
     return least < INFINITY;
+#else
+    (void)c;
+    (void)with_set;
+    return found;
+#endif
 }
 
 /* Find the best of the global search and the shifted plan. */

@@ -85,6 +85,11 @@ SEARCH_ANGLE_RAD = math.pi / 2
 # ... or, where a cone holds the plan back, than this. It does with a slack below TOUCHED.
 CONE_ANGLE_RAD = 0.2
 TOUCHED = 1e-4
+# Ways round cones: the attitudes that they are by way of, the ways that are tried
+# (benchmarks/cone_problems.py), and attitudes at which a straight part of one is looked at. It may
+# violate a cone by so much [rad]: the solver bends it.
+VIAS, MOST_WAYS, WAY_PARTS = 200, 32, 13
+BENT_RAD = 0.2
 # A level that no state exceeds: the terminal set is then not there.
 NO_LEVEL = 1e12
 

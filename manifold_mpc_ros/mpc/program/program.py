@@ -30,9 +30,9 @@ class Program(NamedTuple):
     """The parts of a solve, each a sequence of phases.
 
     ``set_state`` sets the state; ``slew`` or ``shift`` roll a start out; ``cold`` or ``warm`` put
-    its barrier variables where the solve begins; ``backward`` models a trajectory, ``trial_step``
-    makes the next one; ``report`` and ``poses`` say what the caller of a solve wants to know;
-    ``plant`` moves a body on by one step.
+    its barrier variables where the solve begins; ``way`` says how fast a start goes round cones;
+    ``backward`` models a trajectory, ``trial_step`` makes the next one; ``report`` and ``poses``
+    say what the caller of a solve wants to know; ``plant`` moves a body on by one step.
     """
 
     set_state: tuple[Phase, ...]
@@ -40,6 +40,7 @@ class Program(NamedTuple):
     shift: tuple[Phase, ...]
     cold: tuple[Phase, ...]
     warm: tuple[Phase, ...]
+    way: tuple[Phase, ...]
     backward: tuple[Phase, ...]
     trial_step: tuple[Phase, ...]
     report: tuple[Phase, ...]
@@ -67,6 +68,7 @@ def program_of(structure: Structure) -> Program:
               begin_terminal, gather),
         warm=(initial_guess.warm_node_phase(s), initial_guess.warm_stage_phase(s),
               begin_terminal, gather),
+        way=initial_guess.way_phases(s),
         backward=(quadratic_model.force_phase(s), node, terminal.terminal_phase(s),
                   quadratic_model.costate_phase(s), transition, riccati.riccati_phase(s),
                   riccati.linear_phase(s), riccati.reach_phase(s), *reach),

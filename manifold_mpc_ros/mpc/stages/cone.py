@@ -27,6 +27,8 @@ from manifold_mpc_ros.mpc.stages.inequality import Curvature, LocalInequality, N
 
 #: What the slew law of a start aims at, stage by stage: quaternion in the target's axes.
 AIM = Field('aim', 4, Memory.MODEL)
+#: Axes of the two turns of a way round cones, and its rate and deceleration.
+WAY, WAY_LIMITS = Field('way', 6, Memory.GLOBAL), Field('way_limits', 2, Memory.GLOBAL)
 
 
 class ConeInequality(LocalInequality):
@@ -52,7 +54,8 @@ class ConeInequality(LocalInequality):
     @property
     def fields(self) -> tuple[Field, ...]:
         """The fields that it adds to the solver's memory."""
-        return (*super().fields, self.direction_N, self.direction, AIM)
+        return (*super().fields, self.direction_N, self.direction, AIM, WAY,
+                WAY_LIMITS)
 
     @property
     def data_size(self) -> int:

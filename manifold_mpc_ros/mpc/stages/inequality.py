@@ -221,6 +221,10 @@ class RateInequality(LocalInequality):
     def largest_rate(self, read: Read, axis: ca.SX) -> ca.SX:
         """Return a rate about a unit axis (3,) that it allows."""
 
+    def rate_about(self, read: Read, axis: ca.SX) -> ca.SX:
+        """Return the largest rate about a unit axis (3,) that it allows."""
+        return self.largest_rate(read, axis)
+
     @abstractmethod
     def box(self, read: Read) -> ca.SX:
         """Return the half widths (3,) of a box of rates that it allows."""

@@ -22,8 +22,8 @@ from manifold_mpc_ros.mpc.program.phase import Field, Order, Phase, Read, Struct
 from manifold_mpc_ros.mpc.scaling import Parameters, unpack
 from manifold_mpc_ros.mpc.stages import merit
 from manifold_mpc_ros.mpc.stages import step_derivatives as form
-from manifold_mpc_ros.mpc.stages.barrier import elastic_start, product
-from manifold_mpc_ros.mpc.stages.cone import AIM
+from manifold_mpc_ros.mpc.stages.barrier import elastic_start, join, most, product
+from manifold_mpc_ros.mpc.stages.cone import AIM, WAY, WAY_LIMITS
 from manifold_mpc_ros.mpc.stages.implicit_step import implicit_step
 from manifold_mpc_ros.mpc.stages.inequalities import (
     cone_inequalities,
@@ -263,3 +263,21 @@ def begin_terminal_phase(structure: Structure) -> Phase:
                 f.SUMS: merit.terminal_sums(value, limit, y, t)}
 
     return phase('begin_terminal', expression, beyond=1, last=1)
+
+
+def way_phases(structure: Structure) -> tuple[Phase, ...]:
+    """Map the axes of a way's two turns to its rate and deceleration; none without cones.
+
+    The rate is the largest about both axes a that every limit allows, the deceleration that of
+    ``|J a|_i / max_torque_i``, the largest over both; of each a fraction, dimensionless.
+    """
+    def expression(read: Read) -> dict[Field, ca.SX]:
+        p, max_torque = unpack(read(f.PARAMETER)), torque_box(structure, read)
+        axes = ca.vertsplit(read(WAY), 3)
+        rate = join(ca.fmin, [each.rate_about(read, axis) for axis in axes
+                              for each in rate_inequalities(structure)])
+        effort = most(ca.vertcat(*(ca.fabs(p.inertia @ axis) / max_torque for axis in axes)))
+        return {WAY_LIMITS: ca.vertcat(
+            _RATE_FRACTION * rate, _BRAKING_FRACTION / ca.fmax(effort, 1e-9))}
+
+    return (phase('way', expression, only=1),) if cone_inequalities(structure) else ()

@@ -67,6 +67,10 @@ class RateBox(RateInequality):
         share = axis / self.box(read)
         return 1 / ca.sqrt(ca.dot(share, share))
 
+    def rate_about(self, read: Read, axis: ca.SX) -> ca.SX:
+        """Return the rate about a unit axis at which the first component is at its limit."""
+        return 1 / barrier.most(ca.fabs(axis) / self.box(read))
+
     def box(self, read: Read) -> ca.SX:
         """Return max_rate (3,)."""
         return read(self.data)
