@@ -5,7 +5,7 @@
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help setup test lint types pytest test-processors test-properties coverage demo figures golden policies bench docs clean
+.PHONY: help setup test lint types pytest test-processors test-properties coverage demo figures golden policies bench basilisk docs clean
 
 # The first that runs; the ROS wheels are tested with 3.11. Override with PYTHON=...
 PYTHON ?= $(firstword $(foreach p,python3.11 python3,$(shell $(p) -c '' 2> /dev/null && echo $(p))))
@@ -16,6 +16,8 @@ STAMP := $(VENV)/.package-installed
 # Packages that `make bench` compares with and that would get in the way elsewhere.
 PEERS := $(VENV)/peers
 DOCS_TOOLS := $(VENV)/.docs-tools-installed
+# Another simulator of spacecraft, in an environment of its own: 600 MB.
+BASILISK := $(VENV)/basilisk
 
 # Files of tests go to this many processes; every test over DDS locks a domain of its own.
 TEST_WORKERS ?= 2
@@ -25,6 +27,7 @@ FIGURES_ARGS ?=
 BENCH_ARGS ?=
 PROCESSORS_ARGS ?=
 DOCS_ARGS ?=
+BASILISK_ARGS ?=
 
 # Nodes of the tests and of the demo talk on this machine only.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
@@ -41,7 +44,7 @@ help:  ## Show this list
 	@echo
 	@echo '  PYTHON=...       the interpreter that .venv is made from ($(PYTHON))'
 	@echo '  PYTEST_ARGS=...  more arguments for pytest, likewise DEMO_ARGS, FIGURES_ARGS, BENCH_ARGS,'
-	@echo '                   PROCESSORS_ARGS, DOCS_ARGS'
+	@echo '                   BASILISK_ARGS, PROCESSORS_ARGS, DOCS_ARGS'
 
 setup: $(STAMP)  ## Create .venv and install the package with ROS 2 and the test tools
 
@@ -84,6 +87,9 @@ figures: $(STAMP)  ## Reproduce the four figures of the paper
 bench: $(STAMP) $(PEERS)  ## Compare the solver with others, side by side on one core
 	@$(BIN)/manifold-mpc bench $(BENCH_ARGS)
 
+basilisk: $(STAMP) $(BASILISK)/.installed  ## Fly a spacecraft that Basilisk simulates
+	@$(BIN)/python benchmarks/basilisk/measure.py $(BASILISK_ARGS)
+
 policies: $(STAMP)  ## Write the SROS2 policies again, from what the executables declare
 	@$(BIN)/python -m manifold_mpc_ros.lab.security.policies config/sros2
 
@@ -111,6 +117,11 @@ $(DEPENDENCIES): setup.py .ci/constraints.txt .ci/setup
 # it cannot be had the comparison goes on without it, and says so.
 $(PEERS): $(DEPENDENCIES)
 	@PYTHON='$(PYTHON)' .ci/setup $(VENV) peers
+	@touch $@
+
+$(BASILISK)/.installed:
+	@$(PYTHON) -m venv $(BASILISK)
+	@$(BASILISK)/bin/python -m pip --disable-pip-version-check --quiet install bsk==2.12.1
 	@touch $@
 
 $(DOCS_TOOLS): $(DEPENDENCIES)

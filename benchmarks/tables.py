@@ -17,6 +17,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import basilisk_tables
 import reference_tables as moving
 from program_tables import (
     calls,
@@ -35,7 +36,7 @@ from program_tables import (
 
 TOP = Path(__file__).resolve().parent.parent
 PAGES = (TOP / 'README.md', *(TOP / 'docs' / f'{name}.md' for name in (
-    'performance', 'chaos', 'embedding', 'install', 'libraries', 'nodes')))
+    'basilisk', 'performance', 'chaos', 'embedding', 'install', 'libraries', 'nodes')))
 RESULTS = TOP / 'docs' / 'results'
 CHAOS = 'chaos_matrix chaos_soak chaos_drills chaos_drills_shared_memory'
 TABLE = re.compile(r'(<!-- table: (\S+) -->\n).*?(<!-- end -->)', re.DOTALL)
@@ -241,6 +242,7 @@ TABLES: dict[str, tuple[str, Callable[..., str]]] = {
     'disturbances': ('references', moving.disturbances),
     'random-targets': ('references', moving.random_targets),
     'moving-cost': ('moving_cost', moving.cost),
+    'basilisk-slews': ('basilisk', basilisk_tables.slews),
     'mcap': ('libraries', mcap), 'joblib': ('libraries', joblib),
 }
 COMMANDS = {'bench': 'make bench', 'tick': 'manifold-mpc bench --tick',
@@ -251,7 +253,8 @@ COMMANDS = {'bench': 'make bench', 'tick': 'manifold-mpc bench --tick',
             'cone': 'python benchmarks/cone_problems.py', 'lines': 'python benchmarks/lines.py',
             'calls': 'python benchmarks/calls.py', 'export': 'python benchmarks/export.py',
             'references': 'python benchmarks/references.py',
-            'moving': 'python benchmarks/moving_cost.py', 'chaos': 'manifold-mpc chaos'}
+            'moving': 'python benchmarks/moving_cost.py', 'basilisk': 'make basilisk',
+            'chaos': 'manifold-mpc chaos'}
 
 
 def filled(page: str) -> str:
