@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import difflib
 import itertools
 import numbers
 from collections.abc import Callable, Mapping, Sequence
@@ -82,6 +83,15 @@ def choice(key: str, value: object, choices: Sequence[str]) -> str:
     if not isinstance(value, str) or value not in choices:
         raise ConfigurationError(key, value, 'one of ' + ', '.join(map(repr, choices)))
     return value
+
+
+def nearest(given: object, known: Sequence[str]) -> str:
+    """Return the known key that looks most like one that was given, as a whole or at its end."""
+    def likeness(key: str) -> float:
+        return max(difflib.SequenceMatcher(None, one, another).ratio() for one, another in (
+            (str(given), key), (str(given).rpartition('.')[2], key.rpartition('.')[2])))
+
+    return max(known, key=likeness)
 
 
 def array(key: str, value: object, valid: str, *, infinite: bool = False) -> Array:

@@ -8,7 +8,6 @@ a field that is not there. ``install`` says how to get the package of a message 
 
 from __future__ import annotations
 
-import difflib
 import functools
 import re
 from collections.abc import Mapping, Sequence
@@ -205,8 +204,8 @@ class _Section:
             raise ConfigurationError(where, values, 'a mapping of ' + ', '.join(known))
         for key, value in values.items():
             if key not in known:
-                nearest = difflib.get_close_matches(str(key), known, n=1, cutoff=0.0)[0]
-                raise self.error(key, value, f'no such key (the nearest is {nearest!r})')
+                raise self.error(
+                    key, value, f'no such key (the nearest is {checks.nearest(key, known)!r})')
         self.values: dict[str, Any] = dict(values)
 
     def below(

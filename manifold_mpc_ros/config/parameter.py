@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -174,9 +173,9 @@ def refuse_unknown(specs: Sequence[ParameterSpec], given: Mapping[str, Any]) -> 
     for name, value in given.items():
         if name in known or name in ROS_PARAMETERS or name.startswith(ROS_PREFIXES):
             continue
-        nearest = difflib.get_close_matches(name, known, n=1, cutoff=0.0)[0]
         raise ConfigurationError(
-            name, value, f'a parameter that exists (unknown key; the nearest is {nearest!r})')
+            name, value, 'a parameter that exists (unknown key; the nearest is '
+            f'{checks.nearest(name, known)!r})')
 
 
 def read_values(

@@ -103,6 +103,7 @@ def test_simulated_time_on_the_clock() -> None:
     ({'duration_s': 10.2}, 'expected a multiple of the control step 0.5 s'),
     ({'controller': {'mpc': {'horizn': 3}}}, "controller.mpc.horizn: 3 is not valid; expected a "
      "parameter that exists (unknown key; the nearest is 'mpc.horizon')"),
+    ({'controller': {'body': {'inertia': 3}}}, "the nearest is 'spacecraft.inertia_kg_m2')"),
     ({'controller': {'mpc': {'horizon': 0}}}, 'controller.mpc.horizon: 0 is not valid; expected '
                                              'an integer of at least 1'),
     ({'controller': {'lockstep': True}}, 'controller.lockstep: True is not valid; expected left '

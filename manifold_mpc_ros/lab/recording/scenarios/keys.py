@@ -4,10 +4,10 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from manifold_mpc_ros.config import checks
 from manifold_mpc_ros.config.parameter import ParameterSpec, Value
 from manifold_mpc_ros.errors import ConfigurationError
 
@@ -120,10 +120,9 @@ def check_group(
     values: dict[str, Any] = {}
     for key, value in given.items():
         if key not in known:
-            nearest = difflib.get_close_matches(str(key), known, n=1, cutoff=0.0)[0]
             raise ConfigurationError(
-                f'{prefix}{key}', value,
-                f'a key that exists (unknown key; the nearest is {prefix}{nearest})')
+                f'{prefix}{key}', value, 'a key that exists (unknown key; the nearest is '
+                f'{prefix}{checks.nearest(key, known)})')
         values[key] = (check_value(table[key], value, prefix) if key in table
                        else _nested(value, f'{prefix}{key}', is_list=groups[key][0]))
     for spec in specs:
