@@ -208,8 +208,9 @@ def directions(given: Sequence[Cone], directions_N: Any, horizon: int) -> Array:
 
     Raises ConfigurationError for a name that no cone has, and what is no direction.
     """
-    found = np.array([each.direction_N for each in given] * (horizon + 1), dtype=float)
-    found = found.reshape(horizon + 1, len(given), 3)
+    found = np.empty((horizon + 1, len(given), 3))
+    for i, each in enumerate(given):
+        found[:, i] = each.direction_N
     places = {each.name: i for i, each in enumerate(given)}
     for name, value in (directions_N or {}).items():
         key, valid = f'directions_N[{name!r}]', f'(3,) or ({horizon + 1}, 3) numbers, none of zero'

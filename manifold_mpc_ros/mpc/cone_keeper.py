@@ -28,16 +28,17 @@ class ConeKeeper:
         self._unit, self._spread = scaling_of(config).cost, spread(config, terminal.P)
         self._R_ND, self._directions_N = np.eye(3), np.zeros(0)
         self._margins: dict[str, float] = {}
-        self._kept = config.kept_cones
+        self._kept, self._configured = config.kept_cones, False
         self._level, self._share, self._allowed = terminal.c, 1.0, True
         self.set_directions(None)
 
     def set_directions(self, directions_N: Mapping[str, ArrayLike] | None) -> None:
         """Set directions by name, (3,) or (N + 1, 3); the configuration's for all other cones."""
         config = self._config
-        if not self._kept and not directions_N:
+        if not directions_N and (self._configured or not self._kept):
             return
         given = directions(config.cones, directions_N, config.horizon)
+        self._configured = not directions_N
         if np.array_equal(given, self._directions_N):
             return
         steps = np.linalg.norm(np.diff(given, axis=0), axis=-1).max(axis=0)

@@ -22,7 +22,11 @@ from manifold_mpc_ros.mpc.program.phase import Memory, Order, Phase, Ref, Struct
 from manifold_mpc_ros.mpc.program.program import program_of
 from manifold_mpc_ros.mpc.scaling import POINTING_AXIS, TERMINAL_LEVEL
 from manifold_mpc_ros.mpc.stages.cone import AIM
-from manifold_mpc_ros.mpc.stages.inequalities import cone_inequalities, terminal_level
+from manifold_mpc_ros.mpc.stages.inequalities import (
+    cone_inequalities,
+    node_inequalities,
+    terminal_level,
+)
 
 _BINARY = {
     ca.OP_ADD: '{} + {}', ca.OP_SUB: '{} - {}', ca.OP_MUL: '{} * {}', ca.OP_DIV: '{} / {}',
@@ -149,7 +153,8 @@ def defines(structure: Structure) -> str:
         **options.constants(), 'PI': math.pi, 'TERMINAL_LEVEL': TERMINAL_LEVEL,
         'POINTING_AXIS': POINTING_AXIS,
         'POINTING': int(structure.pointing),
-        'HAS_TERMINAL_SET': int(terminal_level(structure) is not None)}
+        'HAS_TERMINAL_SET': int(terminal_level(structure) is not None),
+        'CURVED': int(any(each.curved for each in node_inequalities(structure)))}
     lines = [f'#define {name} {value if isinstance(value, int) else number(value)}'
              for name, value in values.items()]
     return '\n'.join([*lines, f'#define WARM_STARTS {options.warm_starts()}',

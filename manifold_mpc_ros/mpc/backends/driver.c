@@ -65,6 +65,8 @@ static void begin_shift(solve *s, double mu, const double *kept)
     run_shift(kept, s->fresh, s->model, s->g, s->horizon);
     run_warm(kept, s->fresh, s->model, s->g, s->horizon);
     begin(s);
+    if (CURVED)
+        s->exact = WARM_BLEND;
 }
 
 /* Set the state from what was measured. */
@@ -135,7 +137,7 @@ static void one_pass(solve *s)
     }
     take_fresh(s);
     if (length >= READY_LENGTH && s->decrease < BARRIER_READY * s->mu)
-        s->mu = fmax(SMALLEST_BARRIER, fmin(BARRIER_FACTOR * s->mu, s->mu * sqrt(s->mu)));
+        s->mu = fmax(SMALLEST_BARRIER, fmin(BARRIER_FACTOR, CURVED ? 1.0 : sqrt(s->mu)) * s->mu);
     s->exact = length < SHORT_LENGTH
         ? lowered(s->exact)
         : fmin(1.0, fmax(BLEND_UP * s->exact, SMALLEST_BLEND));

@@ -17,6 +17,7 @@ LARGE_FORCE = 10.0
 SMALLEST_BARRIER = 1e-9
 # Shrink the barrier once the model expects less decrease than this many times mu.
 BARRIER_READY = 300.0
+# By this, and by its root too where no limit curves (a full step leaves it by its square).
 BARRIER_FACTOR = 0.1
 # ... after a step of at least this length.
 READY_LENGTH = 0.9
@@ -32,6 +33,8 @@ SHORT_LENGTH = 0.03
 BLEND_DOWN = 0.5
 BLEND_UP = 1.5
 SMALLEST_BLEND = 0.05
+# The blend of a shifted plan with limits that curve: exact, it is indefinite at its new end.
+WARM_BLEND = 0.05
 # A relative pivot of the control's Hessian below this counts as indefinite.
 SMALLEST_PIVOT = 1e-14
 

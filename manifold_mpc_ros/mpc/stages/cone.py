@@ -40,7 +40,7 @@ class ConeInequality(LocalInequality):
 
     name = 'cone'
     penalty = 1e3
-    of_attitude = True
+    of_attitude = curved = True
     #: Cones of one value.
     members: ClassVar[int] = 1
 

@@ -157,6 +157,8 @@ class NodeInequality(Inequality):
     penalty: ClassVar[float]
     #: Whether it depends on the attitude, which the model then carries along.
     of_attitude: ClassVar[bool] = False
+    #: Whether full steps leave it by their square, so that the barrier has to fall slowly.
+    curved: ClassVar[bool] = False
 
     @abstractmethod
     def values(self, read: Read, node: Node) -> ca.SX:

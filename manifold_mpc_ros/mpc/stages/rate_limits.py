@@ -84,6 +84,7 @@ class RateEllipsoid(RateInequality):
     """
 
     name = 'rate_ellipsoid'
+    curved = True
 
     @property
     def data_size(self) -> int:
