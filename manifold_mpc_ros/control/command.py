@@ -13,6 +13,7 @@ from manifold_mpc_ros.control.consistency import MotionBounds
 from manifold_mpc_ros.control.decrease_monitor import DecreaseMonitor
 from manifold_mpc_ros.control.decrease_record import DecreaseRecord
 from manifold_mpc_ros.control.modes import Mode
+from manifold_mpc_ros.control.moving.slew_profile import SlewPlanner
 from manifold_mpc_ros.control.response.observer import ResponseObserver
 from manifold_mpc_ros.control.solver_thread import SolverRunner
 from manifold_mpc_ros.lie.arrays import Array
@@ -49,6 +50,7 @@ class Law:
     estimates by how much that is wrong, and the disturbance torque.
     An attitude error that stays above ``largest_steady_error_rad`` is worth a warning.
     ``motion``: within what attitude and rate have to tell of one motion; None: not compared.
+    ``slews`` puts profiles in the place of setpoints that jump; None: they are aimed at.
     """
 
     config: AttitudeMpcConfig
@@ -60,6 +62,7 @@ class Law:
     motion: MotionBounds | None = None
     observer: ResponseObserver | None = None
     largest_steady_error_rad: float = math.inf
+    slews: SlewPlanner | None = None
 
     def judged(self, command: Command, time_s: float, delay_s: float) -> Command:
         """Return the command of a tick at ``time_s`` with what the monitor says about it.

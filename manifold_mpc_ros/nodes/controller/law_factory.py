@@ -16,6 +16,7 @@ from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.control.command import Law
 from manifold_mpc_ros.control.consistency import MotionBounds
 from manifold_mpc_ros.control.decrease_monitor import monitor_for
+from manifold_mpc_ros.control.moving.slew_profile import SlewPlanner
 from manifold_mpc_ros.control.response.observer import ResponseObserver, ResponseSettings
 from manifold_mpc_ros.control.solver_thread import (
     DirectSolver,
@@ -42,7 +43,7 @@ def solver_for(config: ControllerConfig, terminal: TerminalDesign | None = None)
     """Design the terminal set where it is not known yet, and build or load the solver."""
     return AttitudeMpc(
         config.mpc, backend=config.backend, terminal=terminal,
-        disturbed=config.estimate_disturbance, moving=config.reference_timeout_s > 0.0)
+        disturbed=config.estimate_disturbance, moving=config.moving)
 
 
 def law_with(
@@ -54,7 +55,8 @@ def law_with(
         attitude_noise_rad=config.attitude_noise_rad)
     return Law(config.mpc, runner_for(solver, config, prepare), config.state_timeout_s, monitor,
                solver.backend, config.actuation_delay_s, MotionBounds.from_config(config),
-               observer_for(config), config.largest_steady_error_rad)
+               observer_for(config), config.largest_steady_error_rad,
+               SlewPlanner.from_config(config))
 
 
 def observer_for(config: ControllerConfig) -> ResponseObserver | None:
