@@ -20,6 +20,7 @@ from manifold_mpc_ros.config.description import (
 )
 from manifold_mpc_ros.config.parameter import Value, by_field, read_values
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
+from manifold_mpc_ros.config.wheel_parameters import Magnetorquers
 from manifold_mpc_ros.errors import ConfigurationError
 
 #: A torque that acts later than this many steps after its command is not planned for.
@@ -44,8 +45,6 @@ class ControllerConfig:
     drift_n_m: float
     rate_noise_rad_s: float
     reference_timeout_s: float
-    slew_torque_fraction: float
-    slew_smallest_angle_rad: float
     inertial_frame_id: str
     body_frame_id: str
     initial_setpoint: str
@@ -58,6 +57,7 @@ class ControllerConfig:
     lockstep: bool
     autostart: bool
     cone_topics: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    magnetorquers: Magnetorquers | None = None
 
     def __post_init__(self) -> None:
         """Check what the fields together have to satisfy."""
@@ -68,10 +68,6 @@ class ControllerConfig:
                 'actuators.actuation_delay_s', self.actuation_delay_s,
                 f'at most {LONGEST_DELAY_STEPS} steps, {longest_s:g} s')
         limit = self.mpc.max_torque_n_m
-        if self.slew_torque_fraction and limit is None:
-            raise ConfigurationError(
-                'slew_profile.torque_fraction', self.slew_torque_fraction,
-                '0 without limits.max_torque_n_m, of which it is a part')
         if any(each.normalised for each in command_description(self.command_sink)) and (
                 limit is None or not (limit <= self.full_scale_torque_n_m).all()):
             raise ConfigurationError(
@@ -93,18 +89,15 @@ class ControllerConfig:
         mpc = AttitudeMpcConfig.from_parameters(values)
         if chosen['initial_setpoint'] == 'identity' and mpc.target == 'attitude':
             check_target(mpc.kept_cones, 'initial_setpoint', 'identity')
-        return cls(mpc=mpc, cone_topics=cone_topics(values), **chosen)
+        return cls(mpc=mpc, cone_topics=cone_topics(values),
+                   magnetorquers=Magnetorquers.from_parameters(values), **chosen)
 
     @property
     def command_sinks(self) -> tuple[str, ...]:
         """The descriptions of what is published of a command."""
         devices = () if self.actuator == 'torque' else (self.actuator,)
-        return (self.command_sink, *devices)
-
-    @property
-    def moving(self) -> bool:
-        """Whether what is followed may move."""
-        return self.reference_timeout_s > 0.0 or self.slew_torque_fraction > 0.0
+        dipoles = () if self.magnetorquers is None else ('magnetorquers',)
+        return tuple(dict.fromkeys((self.command_sink, *devices, *dipoles)))
 
     @cached_property
     def state_name(self) -> str:

@@ -82,16 +82,16 @@ class StateDescription:
 class CommandMessage:
     """What the messages of one topic say of a command; without ``fields`` no number of it.
 
-    ``device`` is the command to the devices, else the numbers are a body torque; a normalised
-    one is divided by the full scale. ``stamp`` is that of the state that is answered, ``sent``
-    when the message is published. A message with a period comes by itself.
+    ``quantity``: 'body_torque', 'device' (the command to the devices) or 'dipole' (to
+    magnetorquers); a normalised torque is divided by the full scale. ``stamp`` is that of the
+    state that is answered, ``sent`` when the message is published. With a period: by itself.
     """
 
     topic: str
     message_type: str
     install: str
     fields: tuple[Steps, ...]
-    device: bool
+    quantity: str
     normalised: bool
     body: to.Axes | None
     stamp: Steps
@@ -251,12 +251,13 @@ class _Section:
 
     def command(self) -> CommandMessage:
         """Return the description of one message of a command."""
-        device = self.choice('quantity', ['body_torque', 'device']) == 'device'
+        quantity = self.choice('quantity', ['body_torque', 'device', 'dipole'])
         period_s = self.number('period_s')
         if period_s and 'field' in self.values:
             raise self.error('period_s', period_s, 'left out where there is a field')
         return CommandMessage(
-            **self._topic(), fields=self._fields(0 if device else 3), device=device,
+            **self._topic(), fields=self._fields(0 if quantity == 'device' else 3),
+            quantity=quantity,
             normalised=self.choice('unit', ['N m', 'normalised']) == 'normalised',
             body=self.axes('body_axes', to.BODY_AXES), sent=self.steps('sent'), period_s=period_s)
 

@@ -29,14 +29,15 @@ Interfaces = tuple[tuple[str, str, str], ...]
 #: `Actuator` (control/actuator.py), imported when it is used.
 ACTUATORS = {'torque': 'manifold_mpc_ros.control.actuator:TorqueActuator',
              'wheels': 'manifold_mpc_ros.control.wheels.actuator:WheelActuator',
-             'thrusters': 'manifold_mpc_ros.control.thruster_actuator:ThrusterActuator'}
+             'thrusters': 'manifold_mpc_ros.control.thruster_actuator:ThrusterActuator',
+             'magnetorquers': 'manifold_mpc_ros.control.wheels.magnetorquers:OnlyMagnetorquers'}
 
 #: What the controller subscribes to and the simulator publishes with ``actuators.kind: wheels``.
 WHEEL_STATES = ('wheel_states', 'sensor_msgs/msg/JointState', 'speeds of wheels [rad/s]')
 
 #: What every node hears of the time.
 CLOCK = ('/clock', 'rosgraph_msgs/msg/Clock', 'time, with use_sim_time')
-#: What the simulator publishes with ``orbit.altitude_m``.
+#: What the simulator publishes with ``orbit.altitude_m``, for magnetorquers.
 MAGNETIC_FIELD = ('magnetic_field', 'sensor_msgs/msg/MagneticField',
                   'magnetic field, body axes [T]')
 
@@ -96,7 +97,7 @@ def setpoint_topics(given: str = PLAIN) -> Interfaces:
 
 def command_topics(given: str = PLAIN) -> Interfaces:
     """Return name, type and meaning of the topics of commands."""
-    meaning = {'wheels': 'torque of wheels [N m]', 'thrusters': 'on-times of thrusters [s]'}.get(
-        given, 'body torque [N m]')
+    meaning = {'wheels': 'torque of wheels [N m]', 'thrusters': 'on-times of thrusters [s]',
+               'magnetorquers': 'dipole [A m^2]'}.get(given, 'body torque [N m]')
     return tuple((message.topic, message.message_type, meaning)
                  for message in command_description(given))

@@ -30,7 +30,7 @@ from manifold_mpc_ros.config.parameter import (
 )
 from manifold_mpc_ros.config.tables import SIMULATOR_NAME, SIMULATOR_PARAMETERS
 from manifold_mpc_ros.config.thrusters import ThrusterArray
-from manifold_mpc_ros.config.wheel_parameters import WheelMotors
+from manifold_mpc_ros.config.wheel_parameters import WheelMotors, half_widths
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie.arrays import Array
 
@@ -93,6 +93,7 @@ class SimulatorConfig:
     orbit: CircularOrbit | None = None
     thrusters: ThrusterArray | None = None
     thruster_off_from_s: Array = math.inf  # type: ignore[assignment]
+    max_dipole_a_m2: Array = 0.0  # type: ignore[assignment]
     state_sinks: Sequence[str] = SHIPPED_STATES
     command_source: str = PLAIN
     full_scale_torque_n_m: Sequence[float] = (np.inf,)
@@ -101,7 +102,7 @@ class SimulatorConfig:
         """Check every field, then what the fields together have to satisfy."""
         n = 1 if self.thrusters is None else len(self.thrusters)
         checks.fields(self, {**_CHECKS, 'thruster_off_from_s': partial(
-            checks.each_positive, n=n, infinite=True)})
+            checks.each_positive, n=n, infinite=True), 'max_dipole_a_m2': half_widths})
         self._check_timing()
         self._check_messages()
 
@@ -150,7 +151,7 @@ class SimulatorConfig:
                 'state_sinks', self.state_sinks, 'descriptions of different topics')
         stamped: list[Part | CommandMessage] = [each.attitude for each in states]
         stamped += [each for each in command_description(self.command_source, 'command_source')
-                    if each.fields and not each.device]
+                    if each.fields and each.quantity == 'body_torque']
         for each in stamped:
             if self.lockstep and (not each.stamp or each.stamp_unit_ns):
                 raise ConfigurationError(

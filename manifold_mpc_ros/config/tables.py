@@ -7,12 +7,14 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from manifold_mpc_ros.config.cone_parameters import CONE_PARAMETERS
 from manifold_mpc_ros.config.interfaces import ACTUATORS
 from manifold_mpc_ros.config.orbit import ORBIT_PARAMETERS
 from manifold_mpc_ros.config.parameter import ParameterSpec
-from manifold_mpc_ros.config.target_parameters import CONE_PARAMETERS, TARGET_PARAMETERS
 from manifold_mpc_ros.config.thrusters import THRUSTER_OFF, THRUSTER_PARAMETERS
 from manifold_mpc_ros.config.wheel_parameters import (
+    MAGNETORQUER_PARAMETERS,
+    MAX_DIPOLE,
     MOTOR_PARAMETERS,
     NULL_SPACE,
     WHEEL_PARAMETERS,
@@ -141,12 +143,12 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
     _FULL_SCALE,
     _ACTUATOR,
     *WHEEL_PARAMETERS,
-    NULL_SPACE,
-    *THRUSTER_PARAMETERS,
+    NULL_SPACE, *THRUSTER_PARAMETERS,
     ParameterSpec(
         'actuators.actuation_delay_s', 'float', 0.0,
         'time from a command to its torque, which the plan is made for; at most 10 steps',
         unit='s', low=0.0, high=3600.0),
+    *MAGNETORQUER_PARAMETERS,
     ParameterSpec(
         'disturbance.estimate', 'bool', False,
         'estimate the torque that acts unasked, and plan with it',
@@ -165,7 +167,10 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
     ParameterSpec(
         'disturbance.rate_noise_rad_s', 'float', 1e-5,
         'standard deviation of a measured rate', unit='rad/s', low=1e-12, high=100.0),
-    *TARGET_PARAMETERS,
+    ParameterSpec(
+        'reference.timeout_s', 'float', 0.0,
+        'age of an odometry_setpoint that still goes on; 0: take neither it nor a reference',
+        unit='s', low=0.0, high=86400.0, read_only=True, name_in_config='reference_timeout_s'),
     INERTIAL_FRAME,
     _BODY_FRAME,
     ParameterSpec(
@@ -205,8 +210,7 @@ SIMULATOR_PARAMETERS: tuple[ParameterSpec, ...] = (
     _INERTIA,
     _MAX_TORQUE,
     _ACTUATOR,
-    *WHEEL_PARAMETERS,
-    *THRUSTER_PARAMETERS,
+    *WHEEL_PARAMETERS, *THRUSTER_PARAMETERS, MAX_DIPOLE,
     ParameterSpec(
         'plant.step_s', 'float', 0.025, 'integration step of the plant', unit='s', low=0.0,
         high=3600.0, read_only=True),
@@ -226,8 +230,7 @@ SIMULATOR_PARAMETERS: tuple[ParameterSpec, ...] = (
         'time from a command to its torque, a multiple of the plant step', unit='s', low=0.0,
         high=60.0),
     *MOTOR_PARAMETERS,
-    THRUSTER_OFF,
-    *ORBIT_PARAMETERS,
+    THRUSTER_OFF, *ORBIT_PARAMETERS,
     ParameterSpec(
         'sensor.attitude_noise_std_rad', 'float', 0.0,
         'standard deviation of the attitude noise about each body axis', unit='rad', low=0.0,

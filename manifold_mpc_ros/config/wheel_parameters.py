@@ -1,6 +1,6 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of reaction wheels; motors, bearings and failures of simulated ones."""
+"""Parameters of reaction wheels, of magnetorquers beside them, of simulated wheels."""
 
 from __future__ import annotations
 
@@ -170,3 +170,78 @@ class WheelMotors:
             near = np.exp(-(speed_rad_s / self.stribeck_speed_rad_s) ** 2)
         return np.asarray(self.viscous_friction_n_m_s * speed_rad_s + self.coulomb_friction_n_m
                           + np.where(beyond > 0.0, beyond * near, 0.0))
+
+
+_MAGNETORQUERS = 'magnetorquers.'
+#: What turns the body where magnetorquers can act: wheels that store, or nothing else.
+_MAGNETIC = ('wheels', 'magnetorquers')
+
+MAX_DIPOLE = ParameterSpec(
+    f'{_MAGNETORQUERS}max_dipole_a_m2', 'floats', [0.0],
+    'largest dipole about each body axis, either sign; 0: no magnetorquers', unit='A m^2',
+    lengths=(1, 3), name_in_config='max_dipole_a_m2')
+MAGNETORQUER_PARAMETERS = (
+    MAX_DIPOLE,
+    ParameterSpec(
+        f'{_MAGNETORQUERS}dump_time_s', 'float', 600.0,
+        'time constant by which the momentum of wheels is dumped, as the field allows', unit='s',
+        low=1e-3, high=1e9),
+    ParameterSpec(
+        f'{_MAGNETORQUERS}max_error_rad', 'float', 0.01,
+        'attitude error above which no momentum is dumped', unit='rad', low=0.0, high=4.0),
+    ParameterSpec(
+        f'{_MAGNETORQUERS}braking_gain', 'float', 4.4e-3,
+        'gain of braking a tumble, over the least moment of inertia: 2 n (1 + sin(inclination)) '
+        'for an orbit of rate n', unit='1/s', low=1e-9, high=1e3),
+    ParameterSpec(
+        f'{_MAGNETORQUERS}field_timeout_s', 'float', 5.0,
+        'age above which a measured magnetic field counts for nothing', unit='s', low=1e-3,
+        high=1e6),
+)
+
+
+def half_widths(key: str, value: object) -> Array:
+    """Return the largest dipoles (3,) of one number or three; 0: none about that axis."""
+    valid = 'one number of at least 0, or three [A m^2]'
+    given = checks.array(key, value, valid)
+    if given.shape not in ((), (1,), (3,)) or not (given >= 0.0).all():
+        raise ConfigurationError(key, value, valid)
+    return checks.frozen(np.array(np.broadcast_to(given, (3,))))
+
+
+@dataclass(frozen=True, eq=False)
+class Magnetorquers:
+    """As `MAGNETORQUER_PARAMETERS` say; ``max_dipole_a_m2`` (3,) or one number for all.
+
+    Raises ConfigurationError for dipoles that are not finite, negative, or all 0.
+    """
+
+    max_dipole_a_m2: Array
+    dump_time_s: float = 600.0
+    max_error_rad: float = 0.01
+    braking_gain: float = 4.4e-3
+    field_timeout_s: float = 5.0
+
+    def __post_init__(self) -> None:
+        """Check the dipoles."""
+        object.__setattr__(self, 'max_dipole_a_m2', half_widths(
+            MAX_DIPOLE.name, self.max_dipole_a_m2))
+        if not self.max_dipole_a_m2.any():
+            raise ConfigurationError(MAX_DIPOLE.name, self.max_dipole_a_m2.tolist(),
+                                     'above 0 about some axis, for magnetorquers')
+
+    @classmethod
+    def from_parameters(cls, values: Mapping[str, Value]) -> Magnetorquers | None:
+        """Build from the controller's checked parameters; None without a dipole.
+
+        Raises ConfigurationError too where nothing stores momentum that they could dump.
+        """
+        given = {spec.name.removeprefix(_MAGNETORQUERS): values[spec.name]
+                 for spec in MAGNETORQUER_PARAMETERS}
+        kind, dipole = values['actuators.kind'], given['max_dipole_a_m2']
+        if kind not in _MAGNETIC and any(dipole):  # type: ignore[arg-type]
+            raise ConfigurationError(
+                MAX_DIPOLE.name, dipole, f'0 unless actuators.kind is {" or ".join(_MAGNETIC)}')
+        if kind != 'magnetorquers' and not any(dipole):  # type: ignore[arg-type]
+            return None
+        return cls(**given)  # type: ignore[arg-type]

@@ -9,7 +9,7 @@ in the table `ACTUATORS` (config/interfaces.py), which names the class.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Protocol
 
@@ -29,12 +29,22 @@ class Actuation:
     ``torque_B_n_m`` (3,) is the body torque that was asked of it, within its limits [N m];
     ``device`` (n,) the command to its n devices, in the unit of the kind; ``realised_B_n_m`` (3,)
     the body torque that this command gives [N m], by which the state is moved on to the next tick
-    and the Lyapunov decrease is judged.
+    and the Lyapunov decrease is judged. ``dipole_B_a_m2`` (3,) is commanded to magnetorquers
+    beside them, with the torque ``dipole_torque_B_n_m`` (3,) in the field that was measured.
     """
 
     torque_B_n_m: Array
     device: Array
     realised_B_n_m: Array
+    dipole_B_a_m2: Array = field(default_factory=lambda: np.zeros(3))
+    dipole_torque_B_n_m: Array = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def acting_B_n_m(self) -> Array:
+        """The body torque (3,) of devices and dipole together [N m]."""
+        if not self.dipole_torque_B_n_m.any():
+            return self.realised_B_n_m
+        return self.realised_B_n_m + self.dipole_torque_B_n_m
 
     def realises(self, torque_B_n_m: Array) -> bool:
         """Return whether this gives a planned torque (3,) [N m], unchanged but for rounding."""

@@ -25,6 +25,8 @@ class Anticipation:
         self._sent = TorqueHistory(0)
         self._mode, self._acting_since_ns = Mode.WAIT, _NEVER_NS
         self._law = law
+        #: Torque (3,) of dipoles that is planned for this tick [N m], None without any.
+        self.dipole_torque_B_n_m: Array | None = None
         self.take(law)
 
     def take(self, law: Law) -> None:
@@ -47,19 +49,27 @@ class Anticipation:
         if self._law.observer is not None:
             self._law.observer.observe(sample, self._sent, self._acting_since_ns)
 
-    def send(self, time_ns: int, mode: Mode, realised_B_n_m: Array) -> None:
+    def send(self, time_ns: int, mode: Mode, acting_B_n_m: Array) -> None:
         """Note the torque (3,) [N m] that is sent in a mode; our own are those of acting modes."""
         if mode not in ACTING:
             self._acting_since_ns = _NEVER_NS
         elif self._mode not in ACTING:
             self._acting_since_ns = time_ns
         self._mode = mode
-        self._sent.record(time_ns, realised_B_n_m)
+        self._sent.record(time_ns, acting_B_n_m)
+
+    @property
+    def _estimated_B_n_m(self) -> Array | None:
+        """The torque (3,) [N m] that acts unasked, None where nobody looks for one."""
+        return None if self._law.observer is None else self._law.observer.compensated_B_n_m
 
     @property
     def disturbance_B_n_m(self) -> Array | None:
-        """The torque (3,) [N m] that acts unasked, None where nobody looks for one."""
-        return None if self._law.observer is None else self._law.observer.compensated_B_n_m
+        """What plans count on beside their own torque (3,) [N m]: that, and that of dipoles."""
+        estimated, dipole = self._estimated_B_n_m, self.dipole_torque_B_n_m
+        if estimated is None or dipole is None:
+            return dipole if estimated is None else estimated
+        return estimated + dipole
 
     @property
     def delay_ns(self) -> int:
@@ -83,7 +93,7 @@ class Anticipation:
 
         Raises StepExistenceError where the implicit step is not guaranteed.
         """
-        disturbance = self.disturbance_B_n_m
+        disturbance = self._estimated_B_n_m
         torques = self._sent.between(time_ns - age_ns - self.delay_ns, time_ns)
         if disturbance is not None:
             torques = ((lasting_ns, torque + disturbance) for lasting_ns, torque in torques)

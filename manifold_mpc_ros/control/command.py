@@ -13,9 +13,9 @@ from manifold_mpc_ros.control.consistency import MotionBounds
 from manifold_mpc_ros.control.decrease_monitor import DecreaseMonitor
 from manifold_mpc_ros.control.decrease_record import DecreaseRecord
 from manifold_mpc_ros.control.modes import Mode
-from manifold_mpc_ros.control.moving.slew_profile import SlewPlanner
 from manifold_mpc_ros.control.response.observer import ResponseObserver
 from manifold_mpc_ros.control.solver_thread import SolverRunner
+from manifold_mpc_ros.control.wheels.magnetorquers import DipoleLaw
 from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution
 
@@ -50,7 +50,7 @@ class Law:
     estimates by how much that is wrong, and the disturbance torque.
     An attitude error that stays above ``largest_steady_error_rad`` is worth a warning.
     ``motion``: within what attitude and rate have to tell of one motion; None: not compared.
-    ``slews`` puts profiles in the place of setpoints that jump; None: they are aimed at.
+    ``dipoles``: what magnetorquers are commanded; None without them.
     """
 
     config: AttitudeMpcConfig
@@ -62,7 +62,7 @@ class Law:
     motion: MotionBounds | None = None
     observer: ResponseObserver | None = None
     largest_steady_error_rad: float = math.inf
-    slews: SlewPlanner | None = None
+    dipoles: DipoleLaw | None = None
 
     def judged(self, command: Command, time_s: float, delay_s: float) -> Command:
         """Return the command of a tick at ``time_s`` with what the monitor says about it.

@@ -202,13 +202,13 @@ def admit_direction(
     return scaled / np.linalg.norm(scaled)
 
 
-def admit_torque(
-    frame_id: str | None, torque_B: Vector, body_frame_id: str,
+def admit_in_body(
+    frame_id: str | None, vector_B: Vector, body_frame_id: str, what: str = 'torque',
 ) -> Array | Refusal:
-    """Return the body torque [N m] of a command at the plant, or why it must not be used."""
+    """Return a vector in body axes, a torque at the plant for one, or why it must not be used."""
     refusal = (_wrong_frame(frame_id, body_frame_id, 'body')
-               or not_finite(torque_B, 'torque'))
-    return np.array(torque_B, dtype=np.float64) if refusal is None else refusal
+               or not_finite(vector_B, what))
+    return np.array(vector_B, dtype=np.float64) if refusal is None else refusal
 
 
 def _age(age_ns: int, which: str) -> str:

@@ -4,9 +4,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from manifold_mpc_ros.control.actuator import Actuation, Actuator
+from manifold_mpc_ros.control.input_gate import StateSample
+from manifold_mpc_ros.control.wheels.magnetorquers import DipoleLaw, FieldReport
 from manifold_mpc_ros.lie.arrays import Array
 
 #: On the way back to the optimiser the torque changes by at most this part of the limit a tick.
@@ -27,6 +31,9 @@ class OutputGate:
         """Start at zero torque."""
         self.actuator = actuator
         self.devices: Array | None = None
+        self.dipoles: DipoleLaw | None = None
+        self.field: FieldReport | None = None
+        self._dipole_B_a_m2 = np.zeros(3)
         self.latest = actuator.rest()
         self.not_finite = 0
         self.saturated = 0
@@ -38,6 +45,20 @@ class OutputGate:
         ``devices`` is what the devices last reported, in the unit of the kind.
         """
         self.actuator.observe(omega_BN_B, self.devices)
+
+    def magnetise(self, sample: StateSample, error_rad: float) -> Array | None:
+        """Choose the dipole beside the next torque; return its torque (3,) [N m], None without.
+
+        At a state and its pointing error [rad], by the latest measured ``field``: it brakes where
+        the actuator can give no torque, else it dumps what wheels store.
+        """
+        if self.dipoles is None:
+            return None
+        self.dipoles.observe(sample, self.field)
+        self._dipole_B_a_m2 = (
+            self.dipoles.braking(sample.omega_BN_B) if self.actuator.refusal
+            else self.dipoles.dumping(self.devices, error_rad))
+        return self.dipoles.torque(self._dipole_B_a_m2)
 
     def slew(self) -> None:
         """Come back without a jump: change gradually until what is asked for is reached."""
@@ -54,6 +75,10 @@ class OutputGate:
         if self._returning:
             limited = self._towards(limited)
         self.latest = self.actuator.allocate(limited)
+        if self.dipoles is not None:
+            dipole, self._dipole_B_a_m2 = self._dipole_B_a_m2, np.zeros(3)
+            self.latest = replace(self.latest, dipole_B_a_m2=dipole,
+                                  dipole_torque_B_n_m=self.dipoles.torque(dipole))
         return self.latest
 
     def zero(self) -> Actuation:

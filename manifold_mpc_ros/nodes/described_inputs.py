@@ -16,7 +16,7 @@ from manifold_mpc_ros.control.described.command import CommandWriter
 from manifold_mpc_ros.control.described.conversions import read_attitude
 from manifold_mpc_ros.control.described.fields import WRONG_FIELD, stamp_at, value_at
 from manifold_mpc_ros.control.described.source import check_part, read_part
-from manifold_mpc_ros.control.input_gate import Reason, Refusal, admit_setpoint, admit_torque
+from manifold_mpc_ros.control.input_gate import Reason, Refusal, admit_in_body, admit_setpoint
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie.arrays import Array
 
@@ -51,7 +51,7 @@ class DescribedTorque:
     ) -> None:
         """Find the type of the messages, `kind`."""
         torques = [each for each in command_description(given, parameter)
-                   if each.fields and not each.device]
+                   if each.fields and each.quantity == 'body_torque']
         if not torques:
             raise ConfigurationError(parameter, given, 'a description with a body torque')
         self._writer, self._body_frame_id = CommandWriter(
@@ -68,7 +68,7 @@ class DescribedTorque:
             torque = self._writer.read(message)
         except (IndexError, *WRONG_FIELD) as error:
             return Refusal(Reason.UNREADABLE, str(error))
-        return admit_torque(
+        return admit_in_body(
             str(value_at(message, frame)) if frame else None, torque, self._body_frame_id)
 
     def stamp_ns(self, message: Any) -> int | None:

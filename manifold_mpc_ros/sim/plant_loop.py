@@ -79,14 +79,21 @@ class PlantLoop:
         self._torque_B = torque_B_n_m
         self._steps_left = self._life_steps
 
+    def magnetise(self, dipole_B_a_m2: Array) -> None:
+        """Put a dipole (3,) [A m^2] in force within its limits, as long as commands are."""
+        if not self.latched:
+            limit = self._plant.config.max_dipole_a_m2
+            self._plant.dipole_B_a_m2 = np.clip(dipole_B_a_m2, -limit, limit)
+
     def latch(self, reason: str) -> None:
         """Put zero torque in force until a reset; the first reason stays."""
         self.latched = self.latched or reason
         self.release()
 
     def release(self) -> None:
-        """Put zero torque in force, which has no end of life."""
+        """Put zero torque and dipole in force, which have no end of life."""
         self._torque_B = np.zeros(self._plant.inputs)
+        self._plant.dipole_B_a_m2 = np.zeros(3)
         self._steps_left = -1
 
     def advance(self, steps: int) -> None:

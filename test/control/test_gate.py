@@ -18,8 +18,8 @@ from manifold_mpc_ros.control.input_gate import (
     StateGate,
     StateSample,
     admit_direction,
+    admit_in_body,
     admit_setpoint,
-    admit_torque,
 )
 from manifold_mpc_ros.lie import so3
 
@@ -179,9 +179,9 @@ def test_setpoints_and_torques() -> None:
     ]:
         assert admit_setpoint(frame, q, 'inertial').reason is reason
     np.testing.assert_array_equal(
-        admit_torque('base_link', (1.0, 2.0, 3.0), 'base_link'), [1.0, 2.0, 3.0])
-    assert admit_torque('map', (1.0, 2.0, 3.0), 'base_link').reason is Reason.WRONG_FRAME
-    assert admit_torque('base_link', (1.0, math.nan, 3.0), 'base_link').reason is (
+        admit_in_body('base_link', (1.0, 2.0, 3.0), 'base_link'), [1.0, 2.0, 3.0])
+    assert admit_in_body('map', (1.0, 2.0, 3.0), 'base_link').reason is Reason.WRONG_FRAME
+    assert admit_in_body('base_link', (1.0, math.nan, 3.0), 'base_link').reason is (
         Reason.NON_FINITE)
 
 

@@ -25,8 +25,8 @@ from manifold_mpc_ros.control.input_gate import (
     StateGate,
     StateSample,
     admit_direction,
+    admit_in_body,
     admit_setpoint,
-    admit_torque,
 )
 from manifold_mpc_ros.nodes.controller.tick_timing import AnswerTiming, TickTiming, arrival_s
 from manifold_mpc_ros.nodes.publisher_watch import PublisherWatch
@@ -108,7 +108,7 @@ def test_a_direction_has_unit_length_or_is_refused(direction: tuple) -> None:
 @PROPERTY
 @given(torque=any_vector, frame=any_text)
 def test_a_torque_passes_to_the_bit_or_is_refused(torque: tuple, frame: str) -> None:
-    admitted = admit_torque(frame, torque, 'base_link')
+    admitted = admit_in_body(frame, torque, 'base_link')
     usable = frame == 'base_link' and all(map(math.isfinite, torque))
     assert isinstance(admitted, Refusal) != usable
     if not isinstance(admitted, Refusal):

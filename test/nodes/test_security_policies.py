@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 SROS2 = Path(__file__).parents[2] / 'config' / 'sros2'
 NODES = ('attitude_controller', 'attitude_guidance', 'attitude_markers', 'lgvi_simulator')
 BOND = {'bond_period_s': 0.1}
+DIPOLES = {'magnetorquers.max_dipole_a_m2': [1.0]}
 #: Parameters of the controller, the simulator and the markers: together they open everything.
 CONFIGURATIONS: list[tuple[dict[str, object], ...]] = [
     ({'target': 'pointing', 'use_sim_time': True, 'reference.timeout_s': 1.0,
@@ -38,8 +39,8 @@ CONFIGURATIONS: list[tuple[dict[str, object], ...]] = [
      {'timing.publish_clock': True, 'use_sim_time': True, 'actuators.kind': 'thrusters',
       'orbit.altitude_m': 5e5},
      {'use_sim_time': True}),
-    ({'state_source': 'imu', 'actuators.kind': 'wheels', **BOND},
-     {'actuators.kind': 'wheels', **BOND},
+    ({'state_source': 'imu', 'actuators.kind': 'wheels', **DIPOLES, **BOND},
+     {'actuators.kind': 'wheels', **DIPOLES, **BOND},
      {'state_source': 'imu', **BOND}),
 ]
 #: What every node of rclpy publishes.

@@ -65,12 +65,13 @@ class CommandWriter:
             put_stamp(message, steps, described.stamp_unit_ns, time_ns)
         if described.body_frame_id:
             put(message, described.body_frame_id, self._body_frame_id)
-        if actuation is not None and described.device:
+        if actuation is not None and described.quantity == 'device':
             put_numbers(message, described.fields, '', actuation.device.tolist())
         elif actuation is not None and described.fields:
-            x, y, z = actuation.torque_B_n_m.tolist()
-            torque = np.array(to_theirs(described.body, (x, y, z))) / self._scale
-            put_numbers(message, described.fields, 'xyz', torque.tolist())
+            x, y, z = (actuation.dipole_B_a_m2 if described.quantity == 'dipole'
+                       else actuation.torque_B_n_m).tolist()
+            vector = np.array(to_theirs(described.body, (x, y, z))) / self._scale
+            put_numbers(message, described.fields, 'xyz', vector.tolist())
         return message
 
     def read(self, message: Any) -> Vector:
@@ -88,7 +89,7 @@ class CommandWriter:
         try:
             for steps in self.described.fields:
                 value_at(message, steps)
-            self.fill(message, 0, 0, None if self.described.device else zero)
+            self.fill(message, 0, 0, None if self.described.quantity == 'device' else zero)
         except IndexError:
             return  # an element of a sequence that is empty as yet
         except WRONG_FIELD as error:

@@ -14,6 +14,7 @@ from manifold_mpc_ros.config.description import (
     setpoint_description,
     state_description,
 )
+from manifold_mpc_ros.config.interfaces import MAGNETIC_FIELD, WHEEL_STATES
 from manifold_mpc_ros.config.parameter import Value
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, SIMULATOR_NAME
 from manifold_mpc_ros.errors import ConfigurationError
@@ -104,7 +105,7 @@ class RecordPlan:
         """The messages that the simulator hears, by topic."""
         given = str(self.scenario.controller_parameters['command_sink'])
         return {absolute(each.topic): each for each in command_description(given)
-                if each.fields and not each.device}
+                if each.fields and each.quantity == 'body_torque'}
 
     @property
     def described(self) -> dict[str, Part | CommandMessage]:
@@ -145,7 +146,22 @@ class RecordPlan:
     def others(self) -> dict[str, str]:
         """The other topics that are there from the start."""
         return {**OTHERS, absolute(self.setpoint.topic): self.setpoint.message_type,
-                **dict.fromkeys(self.cone_topics.values(), DIRECTION)}
+                **dict.fromkeys(self.cone_topics.values(), DIRECTION),
+                **self.device_commands, **self.device_reports}
+
+    @property
+    def device_commands(self) -> dict[str, str]:
+        """What devices are commanded, by topic: one message for each torque."""
+        return {absolute(each.topic): each.message_type
+                for sink in self.scenario.controller_config.command_sinks[1:]
+                for each in command_description(sink)}
+
+    @property
+    def device_reports(self) -> dict[str, str]:
+        """What devices and their sensors report, by topic: one message for each state."""
+        used = ((WHEEL_STATES, self.scenario.simulator_config.wheel_motors is not None),
+                (MAGNETIC_FIELD, self.scenario.simulator_config.orbit is not None))
+        return {absolute(topic): kind for (topic, kind, _), use in used if use}
 
     @property
     def cone_topics(self) -> dict[str, str]:

@@ -112,18 +112,30 @@ class Recording:
 
     def _finish_tick(self, end_ns: int) -> None:
         """Take in what the controller says about the last tick."""
-        latest_s = time.monotonic() + GRACE_S
         step_s = self._scenario.controller_config.mpc.step_s
         ticks = round(self._scenario.duration_s / step_s) + 1
+        latest_s, missing_before = time.monotonic() + GRACE_S, 0
 
         def said() -> bool:
+            nonlocal latest_s, missing_before
             known = int(self._recorder.controller.get('ticks', 0)) >= ticks
             planned = self._recorder.count(PREDICTION).latest_stamp_ns >= end_ns
+            missing = self._missing_of_devices()
+            if missing != missing_before:
+                latest_s, missing_before = time.monotonic() + GRACE_S, missing
             return time.monotonic() > latest_s or not self._scenario.lockstep or (
-                known and planned)
+                known and planned and not missing)
 
         self._recorder.until(said, self._recorder.tend)
         self._recorder.spin(SETTLE_S)
+
+    def _missing_of_devices(self) -> int:
+        """Return how many messages of devices are to come: one for each torque or state."""
+        plan, count = self._plan, self._recorder.count
+        return sum(max(0, count(first).received - count(topic).received)
+                   for first, topics in ((plan.command_topic, plan.device_commands),
+                                         (plan.state_topic, plan.device_reports))
+                   for topic in topics)
 
     def _activate(self, node: str) -> None:
         """Let a node act."""

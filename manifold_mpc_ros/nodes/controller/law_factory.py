@@ -16,7 +16,6 @@ from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.control.command import Law
 from manifold_mpc_ros.control.consistency import MotionBounds
 from manifold_mpc_ros.control.decrease_monitor import monitor_for
-from manifold_mpc_ros.control.moving.slew_profile import SlewPlanner
 from manifold_mpc_ros.control.response.observer import ResponseObserver, ResponseSettings
 from manifold_mpc_ros.control.solver_thread import (
     DirectSolver,
@@ -25,6 +24,7 @@ from manifold_mpc_ros.control.solver_thread import (
     SolverThread,
     solve_with,
 )
+from manifold_mpc_ros.control.wheels.magnetorquers import DipoleLaw
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.nodes.controller.background_build import end_with_parent
 from manifold_mpc_ros.terminal.design import TerminalDesign
@@ -43,7 +43,8 @@ def solver_for(config: ControllerConfig, terminal: TerminalDesign | None = None)
     """Design the terminal set where it is not known yet, and build or load the solver."""
     return AttitudeMpc(
         config.mpc, backend=config.backend, terminal=terminal,
-        disturbed=config.estimate_disturbance, moving=config.moving)
+        disturbed=config.estimate_disturbance or config.magnetorquers is not None,
+        moving=config.reference_timeout_s > 0.0)
 
 
 def law_with(
@@ -55,8 +56,14 @@ def law_with(
         attitude_noise_rad=config.attitude_noise_rad)
     return Law(config.mpc, runner_for(solver, config, prepare), config.state_timeout_s, monitor,
                solver.backend, config.actuation_delay_s, MotionBounds.from_config(config),
-               observer_for(config), config.largest_steady_error_rad,
-               SlewPlanner.from_config(config))
+               observer_for(config), config.largest_steady_error_rad, dipoles_of(config))
+
+
+def dipoles_of(config: ControllerConfig) -> DipoleLaw | None:
+    """Return what commands magnetorquers, None without them."""
+    if config.magnetorquers is None:
+        return None
+    return DipoleLaw(config.magnetorquers, config.mpc.wheels, config.mpc.inertia_kg_m2)
 
 
 def observer_for(config: ControllerConfig) -> ResponseObserver | None:

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Sequence
 
 from manifold_mpc_ros.config.interfaces import (
+    MAGNETIC_FIELD,
     WHEEL_STATES,
     command_topics,
     setpoint_topics,
@@ -27,6 +28,7 @@ PROGRAM = Program.managed(
         *state_topics(),
         *setpoint_topics(),
         WHEEL_STATES,
+        MAGNETIC_FIELD,
         ('direction_setpoint', 'geometry_msgs/msg/Vector3Stamped', 'commanded direction'),
         ('odometry_setpoint', 'nav_msgs/msg/Odometry', 'commanded attitude that moves on'),
         ('reference', 'trajectory_msgs/msg/MultiDOFJointTrajectory', 'commanded attitudes'),
@@ -35,6 +37,7 @@ PROGRAM = Program.managed(
         *command_topics(),
         *command_topics('wheels'),
         *command_topics('thrusters'),
+        *command_topics('magnetorquers'),
         ('~/prediction', 'nav_msgs/msg/Path', 'predicted attitudes'),
         ('~/disturbance', 'geometry_msgs/msg/WrenchStamped', 'estimated disturbance torque'),
     ),

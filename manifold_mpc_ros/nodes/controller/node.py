@@ -27,6 +27,7 @@ from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.cache import why_no_cache
 from manifold_mpc_ros.nodes.command_output import CommandOutput, command_writers
 from manifold_mpc_ros.nodes.controller.cone_inputs import ConeInputs
+from manifold_mpc_ros.nodes.controller.device_inputs import DeviceInputs
 from manifold_mpc_ros.nodes.controller.diagnostics import status_of
 from manifold_mpc_ros.nodes.controller.insight import Insight
 from manifold_mpc_ros.nodes.controller.law_factory import law_with, solver_for
@@ -34,7 +35,6 @@ from manifold_mpc_ros.nodes.controller.realtime import Realtime
 from manifold_mpc_ros.nodes.controller.run_time_parameters import LawChanges
 from manifold_mpc_ros.nodes.controller.setpoint_inputs import SetpointInputs
 from manifold_mpc_ros.nodes.controller.tick_timing import AnswerTiming, TickTiming, arrival_s
-from manifold_mpc_ros.nodes.controller.wheel_input import WheelInput
 from manifold_mpc_ros.nodes.managed_node import STATE_QOS, ManagedNode, Status
 from manifold_mpc_ros.nodes.state_input import StateInput, state_kinds
 from manifold_mpc_ros.nodes.usage import Program
@@ -84,7 +84,7 @@ class AttitudeControllerNode(ManagedNode):
         self._kinds: Counter[str] = Counter()
         self._said: tuple[tuple[object, ...], float] = ((), 0.0)
         self._output = CommandOutput(self, writers)
-        self._wheels = WheelInput(self, config)
+        self._devices = DeviceInputs(self, config)
         self._insight = Insight(self)
         self._states = StateInput(
             self, config.state_source, STATE_QOS, self._on_state, self._on_duplicate)
@@ -98,7 +98,7 @@ class AttitudeControllerNode(ManagedNode):
         self._cones.close()
         self._setpoints.close()
         self._output.close()
-        self._wheels.close()
+        self._devices.close()
         self._insight.close()
 
     def start(self) -> None:
@@ -134,7 +134,7 @@ class AttitudeControllerNode(ManagedNode):
         """Forget states, setpoint, plan, warm start and fault."""
         self._loop.reset()
         self._states.forget()
-        self._wheels.forget()
+        self._devices.forget()
         self._command = None
         self._last_ns = 0
 
@@ -151,8 +151,8 @@ class AttitudeControllerNode(ManagedNode):
             ticks=self._ticks, setpoints=self._setpoints.count, backend=self._law.backend,
             **self._changes.values(),
             scheduling=self._realtime.scheduling, memory=self._realtime.memory)
-        status.values.update(self._timing.values() | self._wheels.values(self._loop)
-                             | dict(self._loop.output.actuator.usage))
+        self._devices.add_to(status, self._loop)
+        status.values.update(self._timing.values() | dict(self._loop.output.actuator.usage))
         latest = self._loop.sample
         if latest is not None and not self._config.lockstep:
             status.values['state_age_s'] = max(0, self._now_ns() - latest.stamp_ns) / NANOSECONDS
@@ -219,7 +219,7 @@ class AttitudeControllerNode(ManagedNode):
                 self._repeat(read.stamp_ns)
         elif self._config.lockstep:
             begun_s = arrival_s(info)
-            self._wheels.when_reported(
+            self._devices.when_reported(
                 read.stamp_ns, lambda: self._publish(self._decided(LOCKSTEP), begun_s))
 
     def _on_duplicate(self, topic: str) -> None:
@@ -241,7 +241,7 @@ class AttitudeControllerNode(ManagedNode):
         """Return the command of a tick, zero where an error of our own came between."""
         try:
             self._take_change()
-            self._wheels.hand_over(self._loop)
+            self._devices.hand_over(self._loop)
             return self._loop.tick(at)
         except Exception as error:  # noqa: BLE001  (no tick without a command)
             self.barrier.note('tick', error)

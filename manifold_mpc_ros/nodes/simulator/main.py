@@ -27,6 +27,7 @@ PROGRAM = Program.managed(
         *command_topics(),
         *command_topics('wheels'),
         *command_topics('thrusters'),
+        *command_topics('magnetorquers'),
     ),
     publishes=(
         *state_topics(),

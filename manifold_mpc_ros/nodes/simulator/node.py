@@ -64,7 +64,7 @@ class LgviSimulatorNode(ManagedNode):
         self._torque = self.listen(
             self._commands.kind, self._commands.topic, self._on_torque, INPUT_QOS)
         self._torque_publishers = PublisherWatch()
-        self._devices = DeviceLink(self, config, lambda devices: self._loop.command(devices))
+        self._devices = DeviceLink(self, config, lambda: self._loop)
 
     def take_down(self) -> None:
         """Remove the interfaces."""
@@ -186,7 +186,7 @@ class LgviSimulatorNode(ManagedNode):
         if isinstance(torque, Refusal):
             self.refusals.add(self._commands.topic, torque)
             return
-        self._loop.command(self._devices.command(torque))
+        self._devices.command(torque)
         if self._config.lockstep and not self._still:
             self._exchange_next()
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from manifold_mpc_ros.config.controller import ControllerConfig
-from manifold_mpc_ros.config.interfaces import WHEEL_STATES
+from manifold_mpc_ros.config.interfaces import MAGNETIC_FIELD, WHEEL_STATES
 from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.errors import BagError
 from manifold_mpc_ros.lab.recording.bags import decode
@@ -28,7 +28,8 @@ from manifold_mpc_ros.lie.arrays import Array
 
 STATE_TOPICS = {decode.ODOMETRY: '/odometry', decode.IMU: '/imu'}
 ATTITUDE_TOPIC, DIRECTION_TOPIC = '/attitude_setpoint', '/direction_setpoint'
-WHEEL_TOPIC = f'/{WHEEL_STATES[0]}'
+#: What devices report, by topic: the type.
+REPORTS = {f'/{topic}': kind for topic, kind, _ in (WHEEL_STATES, MAGNETIC_FIELD)}
 
 
 @dataclass(frozen=True)
@@ -49,8 +50,8 @@ class FeedMessage:
 class Feed:
     """States (of one type) and setpoints, each in the order of their stamps.
 
-    Directions of cones are among the setpoints; ``reports`` are the speeds of reaction wheels,
-    one at the stamp of each state.
+    Directions of cones are among the setpoints; ``reports`` are the speeds of reaction wheels and
+    the magnetic field, as the controller uses them, one of each at the stamp of each state.
     """
 
     state_kind: str
@@ -100,8 +101,9 @@ def feed_of(run: BagRun, config: ControllerConfig) -> Feed:
         setpoints += _as_recorded(run, full, full, stamps)
     if not states:
         raise BagError(f'{run.path}: no state on {source} has a stamp and finite values')
-    reports = [] if config.mpc.wheels is None else _as_recorded(
-        run, WHEEL_TOPIC, WHEEL_TOPIC, [each.stamp_ns for each in states])
+    used = (config.mpc.wheels is not None, config.magnetorquers is not None)
+    reports = [report for topic, use in zip(REPORTS, used) if use for report in _as_recorded(
+        run, topic, topic, [each.stamp_ns for each in states])]
     return Feed(kind, _ordered(states), _ordered(setpoints), _ordered(reports))
 
 

@@ -98,7 +98,7 @@ class _Translator:
             self._described[self._topic(setpoint)] = (SETPOINT, setpoint)
         if stack.command_sink:
             command = next(each for each in command_description(stack.command_sink)
-                           if each.fields and not each.device)
+                           if each.fields and each.quantity == 'body_torque')
             self._writer = CommandWriter(command, FRAMES[1], stack.full_scale_torque_n_m)
             self._described[self._topic(command)] = (TORQUE, command)
         self._types = types_of(contents.path, {part.message_type for _, part in

@@ -13,13 +13,12 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from rosgraph_msgs.msg import Clock
 
-from manifold_mpc_ros.config.interfaces import WHEEL_STATES
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME
 from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.lab.recording.bags.feed import (
     ATTITUDE_TOPIC,
+    REPORTS,
     STATE_TOPICS,
-    WHEEL_TOPIC,
     Feed,
     FeedMessage,
 )
@@ -57,8 +56,7 @@ class Replayer(Listener):
         kinds = dict.fromkeys((each.topic for each in feed.setpoints), VECTOR) | {
             STATE_TOPICS[feed.state_kind]: feed.state_kind,
             ATTITUDE_TOPIC: 'geometry_msgs/msg/QuaternionStamped'}
-        if feed.reports:
-            kinds[WHEEL_TOPIC] = WHEEL_STATES[1]
+        kinds |= {each.topic: REPORTS[each.topic] for each in feed.reports}
         self._publishers: dict[str, Any] = {
             topic: self.node.create_publisher(message_class(kind), topic, DEEP_QOS)
             for topic, kind in kinds.items()}
@@ -75,7 +73,7 @@ class Replayer(Listener):
     def meet_controller(self, watch: Watch) -> None:
         """Wait until the active controller reads what it is given and says how it does."""
         read = [self._publishers[topic] for topic in (
-            STATE_TOPICS[self._feed.state_kind], WHEEL_TOPIC) if topic in self._publishers]
+            STATE_TOPICS[self._feed.state_kind], *REPORTS) if topic in self._publishers]
         self.until(lambda: all(each.get_subscription_count() for each in read)
                    and 'setpoints' in self.controller, watch)
 
@@ -85,7 +83,9 @@ class Replayer(Listener):
         A setpoint is given, and counted by the controller, before the state of its time.
         """
         setpoints = list(self._feed.setpoints)
-        reports = {each.stamp_ns: [each] for each in self._feed.reports}
+        reports: dict[int, list[FeedMessage]] = {}
+        for each in self._feed.reports:
+            reports.setdefault(each.stamp_ns, []).append(each)
         for state in self._feed.states:
             while setpoints and setpoints[0].stamp_ns <= state.stamp_ns:
                 self._give([setpoints.pop(0)], self._another_setpoint(), watch)
