@@ -26,6 +26,7 @@ PATH = 'nav_msgs/msg/Path'
 #: What a topic is called behind a link.
 BEHIND = '_link'
 DIRECTION = 'geometry_msgs/msg/Vector3Stamped'
+REFERENCE, TRAJECTORY = '/reference', 'trajectory_msgs/msg/MultiDOFJointTrajectory'
 OTHERS = {
     '/direction_setpoint': DIRECTION,
     '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
@@ -145,7 +146,8 @@ class RecordPlan:
     @property
     def others(self) -> dict[str, str]:
         """The other topics that are there from the start."""
-        return {**OTHERS, absolute(self.setpoint.topic): self.setpoint.message_type,
+        moving = {REFERENCE: TRAJECTORY} if self.modes else {}
+        return {**OTHERS, **moving, absolute(self.setpoint.topic): self.setpoint.message_type,
                 **dict.fromkeys(self.cone_topics.values(), DIRECTION),
                 **self.device_commands, **self.device_reports}
 
@@ -162,6 +164,11 @@ class RecordPlan:
         used = ((WHEEL_STATES, self.scenario.simulator_config.wheel_motors is not None),
                 (MAGNETIC_FIELD, self.scenario.simulator_config.orbit is not None))
         return {absolute(topic): kind for (topic, kind, _), use in used if use}
+
+    @property
+    def modes(self) -> set[str]:
+        """The modes of guidance that are commanded."""
+        return {each.guidance for each in self.scenario.setpoints if each.guidance is not None}
 
     @property
     def cone_topics(self) -> dict[str, str]:

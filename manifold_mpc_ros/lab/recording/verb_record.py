@@ -162,6 +162,7 @@ def _inputs(
     plan: RecordPlan, recorder: BagRecorder, readers: Mapping[str, StampReader],
 ) -> RunInputs:
     """Return what the scenario puts into the run."""
+    from manifold_mpc_ros.control.guidance.laws import Guidance
     from manifold_mpc_ros.lab.recording.nodes.run_inputs import RunInputs
     scenario, controller = plan.scenario, plan.scenario.controller_config
     return RunInputs(
@@ -171,7 +172,9 @@ def _inputs(
         plan.state_topic, lockstep=scenario.lockstep,
         wall_clock=scenario.time_mode == 'wall', wall_per_s=1.0 / scenario.clock_factor,
         frames=(controller.inertial_frame_id, controller.body_frame_id), setpoint=plan.setpoint,
-        cone_topics=plan.cone_topics)
+        cone_topics=plan.cone_topics,
+        guidance={mode: Guidance(scenario.guidance_config(mode)) for mode in plan.modes},
+        end_s=scenario.duration_s + controller.mpc.horizon * controller.mpc.step_s)
 
 
 @contextmanager

@@ -23,7 +23,8 @@ def facts(run: BagRun) -> Iterator[tuple[str, str]]:
         factor = f', {run.scenario.clock_factor:g} times real time' if mode == 'clock' else ''
         yield 'time', f'{mode}{factor}'
     yield 'messages', (f'{len(run.states)} states, {len(run.commands)} torques, '
-                       f'{len(run.setpoints)} setpoints')
+                       f'{len(run.setpoints)} setpoints'
+                       + (f', {len(run.references)} references' if len(run.references) else ''))
     received = dt.datetime.fromtimestamp(
         int(run.states.received_ns[0]) / NANOSECONDS, tz=dt.timezone.utc)
     yield 'recorded', received.strftime('%Y-%m-%d %H:%M UTC')

@@ -77,10 +77,8 @@ def histories(run: BagRun) -> go.Figure:
         elif wheels is not None and wheels.inertia_kg_m2 is not None:
             _limits(figure, row, wheels.max_momentum_n_m_s / wheels.inertia_kg_m2)
     _finish(figure, [run], first - 1 + len(devices))
-    for time_s in run.setpoints.time_s:
-        if time_s > 0.0:
-            figure.add_vline(x=float(time_s), line={'color': LIMIT_COLOUR, 'width': 1,
-                                                    'dash': 'dot'})
+    for time_s in measures.commands_at_s(run):
+        figure.add_vline(x=time_s, line={'color': LIMIT_COLOUR, 'width': 1, 'dash': 'dot'})
     return figure
 
 

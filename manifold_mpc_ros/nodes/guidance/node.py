@@ -104,21 +104,36 @@ class AttitudeGuidanceNode(ManagedNode):
             return
         (config, guidance), now_ns = self._set, self._now_ns()
         begin_ns = now_ns // SPACING_NS * SPACING_NS
-        after_ns = np.arange(math.ceil(config.ahead_s * NANOSECONDS / SPACING_NS) + 2) * SPACING_NS
-        rows = guidance.points(begin_ns + after_ns)
-        reference = MultiDOFJointTrajectory(joint_names=['body'])
-        reference.header.frame_id = config.inertial_frame_id
-        reference.header.stamp = messages.to_stamp(begin_ns)
-        for after, R_ND, omega, alpha in zip(after_ns.tolist(), *rows, strict=True):
-            seconds, rest = divmod(after, NANOSECONDS)
-            reference.points.append(MultiDOFJointTrajectoryPoint(
-                transforms=[Transform(rotation=messages.to_quaternion(R_ND))],
-                velocities=[Twist(angular=messages.to_vector(omega))],
-                accelerations=[Twist(angular=messages.to_vector(alpha))],
-                time_from_start=Duration(sec=seconds, nanosec=rest)))
+        reference = to_reference(guidance, begin_ns, SPACING_NS, math.ceil(
+            config.ahead_s * NANOSECONDS / SPACING_NS) + 2, config.inertial_frame_id)
         self._reference.publish(reference)
-        sun = Vector3Stamped(vector=messages.to_vector(sun_direction_N(np.array([now_ns]))[0]))
-        sun.header.frame_id, sun.header.stamp = config.inertial_frame_id, messages.to_stamp(now_ns)
-        self._sun.publish(sun)
+        self._sun.publish(to_sun_direction(now_ns, config.inertial_frame_id))
         self._published += 1
-        self._rate_rad_s = float(np.linalg.norm(rows[1][0]))
+        rate = reference.points[0].velocities[0].angular
+        self._rate_rad_s = math.hypot(*messages.vector_values(rate))
+
+
+def to_reference(
+    guidance: Guidance, begin_ns: int, spacing_ns: int, count: int, frame_id: str,
+) -> MultiDOFJointTrajectory:
+    """Return so many points of what guidance commands, from a time on [ns], so far apart [ns]."""
+    after_ns = np.arange(count) * spacing_ns
+    reference = MultiDOFJointTrajectory(joint_names=['body'])
+    reference.header.frame_id = frame_id
+    reference.header.stamp = messages.to_stamp(begin_ns)
+    for after, R_ND, omega, alpha in zip(
+            after_ns.tolist(), *guidance.points(begin_ns + after_ns), strict=True):
+        seconds, rest = divmod(after, NANOSECONDS)
+        reference.points.append(MultiDOFJointTrajectoryPoint(
+            transforms=[Transform(rotation=messages.to_quaternion(R_ND))],
+            velocities=[Twist(angular=messages.to_vector(omega))],
+            accelerations=[Twist(angular=messages.to_vector(alpha))],
+            time_from_start=Duration(sec=seconds, nanosec=rest)))
+    return reference
+
+
+def to_sun_direction(time_ns: int, frame_id: str) -> Vector3Stamped:
+    """Return where the Sun is at a time [ns since 1970]."""
+    sun = Vector3Stamped(vector=messages.to_vector(sun_direction_N(np.array([time_ns]))[0]))
+    sun.header.frame_id, sun.header.stamp = frame_id, messages.to_stamp(time_ns)
+    return sun

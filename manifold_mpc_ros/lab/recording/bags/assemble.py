@@ -22,10 +22,12 @@ from manifold_mpc_ros.lab.recording.bags.series import (
     DEVICE_QUANTITIES,
     CommandSeries,
     PredictionSeries,
+    ReferenceSeries,
     SetpointSeries,
     StateSeries,
     TickSeries,
 )
+from manifold_mpc_ros.lab.recording.bags.targets import read_trajectory
 from manifold_mpc_ros.lab.recording.scenarios.scenario import Scenario
 from manifold_mpc_ros.lie.arrays import Array, IntArray
 from manifold_mpc_ros.mpc.target import attitude_towards
@@ -124,6 +126,15 @@ class Source:
             stamps, _seconds(stamps, first_ns), _received(samples),
             np.array([sample.value[0] for sample in samples]).reshape(-1, 3, 3),
             np.array([sample.value[1] for sample in samples]).reshape(-1, 3))
+
+    def references(self, topic: str, first_ns: int) -> ReferenceSeries:
+        """Return what was commanded that moves, each stamp once."""
+        samples = self._decoded(topic, {decode.TRAJECTORY: read_trajectory})
+        once = {sample.stamp_ns: sample for sample in reversed(samples)}
+        kept = sorted(once.values(), key=lambda sample: sample.stamp_ns)
+        stamps = _integers([sample.stamp_ns for sample in kept])
+        return ReferenceSeries(stamps, _seconds(stamps, first_ns), _received(kept),
+                               tuple(sample.value for sample in kept))
 
     def directions(self, topic: str) -> tuple[IntArray, Array]:
         """Return stamps (k,) and unit directions (k, 3) in the order of their stamps."""

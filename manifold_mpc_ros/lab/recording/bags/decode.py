@@ -27,6 +27,7 @@ POSE, TWIST = 'geometry_msgs/msg/PoseStamped', 'geometry_msgs/msg/TwistStamped'
 WRENCH, DIAGNOSTICS = 'geometry_msgs/msg/WrenchStamped', 'diagnostic_msgs/msg/DiagnosticArray'
 ATTITUDE, DIRECTION = 'geometry_msgs/msg/QuaternionStamped', 'geometry_msgs/msg/Vector3Stamped'
 PATH, STRING = 'nav_msgs/msg/Path', 'std_msgs/msg/String'
+TRAJECTORY = 'trajectory_msgs/msg/MultiDOFJointTrajectory'
 
 Decoded = TypeVar('Decoded')
 

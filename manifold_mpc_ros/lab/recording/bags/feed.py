@@ -28,6 +28,7 @@ from manifold_mpc_ros.lie.arrays import Array
 
 STATE_TOPICS = {decode.ODOMETRY: '/odometry', decode.IMU: '/imu'}
 ATTITUDE_TOPIC, DIRECTION_TOPIC = '/attitude_setpoint', '/direction_setpoint'
+REFERENCE_TOPIC = '/reference'
 #: What devices report, by topic: the type.
 REPORTS = {f'/{topic}': kind for topic, kind, _ in (WHEEL_STATES, MAGNETIC_FIELD)}
 
@@ -92,6 +93,8 @@ def feed_of(run: BagRun, config: ControllerConfig) -> Feed:
         setpoints = [message for topic, target in (
             (names.attitude_setpoint, ATTITUDE_TOPIC), (names.direction_setpoint, DIRECTION_TOPIC))
             for message in _as_recorded(run, topic, target, run.setpoints.stamp_ns)]
+        setpoints += _as_recorded(
+            run, names.reference, REFERENCE_TOPIC, run.references.stamp_ns)
     else:
         kind = decode.ODOMETRY
         states, setpoints = _states(run, config), _setpoints(run, config)

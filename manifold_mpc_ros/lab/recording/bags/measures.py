@@ -23,11 +23,12 @@ def settling_times(
 ) -> tuple[float | None, ...]:
     """Return the time from the start, and from each later setpoint, until the run is settled [s].
 
-    Settled means that the error of attitude (or pointing) and the norm of the rate stay below
-    their bounds until the next setpoint; None where they do not, or where no state follows.
+    Settled means that the error of attitude (or pointing) and the norm of the rate, beside that
+    of a target that moves, stay below their bounds until the next setpoint; None where they do
+    not, or where no state follows.
     """
     below = (np.degrees(run.error_rad) < attitude_deg) \
-        & (np.linalg.norm(run.states.omega_BN_B, axis=1) < rate_rad_s)
+        & (run.rate_error_rad_s < rate_rad_s)
     time_s, begins_s = run.states.time_s, _begins_s(run)
     times: list[float | None] = []
     for begin_s, end_s in zip(begins_s, [*begins_s[1:], np.inf], strict=True):
@@ -47,8 +48,16 @@ def _begins_s(run: BagRun) -> list[float]:
     """Return when there was something new to do: at the start and at each later setpoint [s].
 
     A setpoint is published again where the controller does not hear it at once: same time.
+    References that go on where the last one was bring nothing new.
     """
-    return [0.0, *sorted({float(each) for each in run.setpoints.time_s if each > 0.0})]
+    return [0.0, *commands_at_s(run)]
+
+
+def commands_at_s(run: BagRun) -> list[float]:
+    """Return when, after the start, there was a setpoint or a target jumped [s]."""
+    first_ns, step_s = int(run.states.stamp_ns[0]), run.config.step_s
+    jumps_s = [(each - first_ns) / NANOSECONDS for each in run.commanded.jumps_ns(step_s)]
+    return sorted({float(each) for each in (*run.setpoints.time_s, *jumps_s) if each > 0.0})
 
 
 def violations(run: BagRun) -> int:

@@ -7,11 +7,13 @@ from __future__ import annotations
 import json
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, SIMULATOR_NAME
 from manifold_mpc_ros.errors import BagError, ConfigurationError
 from manifold_mpc_ros.lab.recording.bags import assemble
@@ -29,10 +31,12 @@ from manifold_mpc_ros.lab.recording.bags.reader import read_bag
 from manifold_mpc_ros.lab.recording.bags.series import (
     CommandSeries,
     PredictionSeries,
+    ReferenceSeries,
     SetpointSeries,
     StateSeries,
     TickSeries,
 )
+from manifold_mpc_ros.lab.recording.bags.targets import Commanded
 from manifold_mpc_ros.lab.recording.bags.translate import StackDescriptions, translated
 from manifold_mpc_ros.lab.recording.scenarios.scenario import Scenario
 from manifold_mpc_ros.lie.arrays import Array
@@ -58,6 +62,7 @@ class TopicNames:
     torque: str = '/torque_command'
     attitude_setpoint: str = '/attitude_setpoint'
     direction_setpoint: str = '/direction_setpoint'
+    reference: str = '/reference'
     diagnostics: str = '/diagnostics'
     prediction: str = '/attitude_controller/prediction'
     stack: StackDescriptions | None = None
@@ -84,6 +89,7 @@ class BagRun:
     received_states: StateSeries
     commands: CommandSeries
     setpoints: SetpointSeries
+    references: ReferenceSeries
     ticks: TickSeries
     predictions: PredictionSeries
     topics: TopicNames
@@ -102,26 +108,42 @@ class BagRun:
         return self.description.backend or self.ticks.last.get('backend', '')
 
     @property
-    def R_ND(self) -> Array:
-        """The commanded attitude at each state (n, 3, 3).
+    def config(self) -> AttitudeMpcConfig:
+        """The control law of its scenario, the shipped one without."""
+        return (self.scenario or assemble.shipped_scenario()).controller_config.mpc
 
-        The last setpoint with an earlier or equal stamp; before the first one the initial
-        setpoint (the identity, or the first attitude).
-        """
+    @cached_property
+    def commanded(self) -> Commanded:
+        """What was commanded; at first the initial setpoint (identity, or the first attitude)."""
         initial = np.eye(3)
         if len(self.states) and self.scenario is not None \
                 and self.scenario.controller_config.initial_setpoint == 'hold':
             initial = self.states.R_NB[0]
-        commanded = np.concatenate([initial[None], self.setpoints.R_ND])
-        return commanded[np.searchsorted(
-            self.setpoints.stamp_ns, self.states.stamp_ns, side='right')]
+        return Commanded.of(initial, self.setpoints, self.references)
+
+    @cached_property
+    def _target(self) -> tuple[Array, Array]:
+        """R_ND (n, 3, 3) and omega_DN_D (n, 3) at each state."""
+        return self.commanded.at(self.states.stamp_ns)
 
     @property
+    def R_ND(self) -> Array:
+        """The commanded attitude at each state (n, 3, 3)."""
+        return self._target[0]
+
+    @cached_property
     def error_rad(self) -> Array:
         """The angle left to turn at each state (n,), of the attitude or of the pointing axis."""
         R_DB = np.swapaxes(self.R_ND, -1, -2) @ self.states.R_NB
-        config = (self.scenario or assemble.shipped_scenario()).controller_config.mpc
-        return np.asarray(error_angle(config, R_DB))
+        return np.asarray(error_angle(self.config, R_DB))
+
+    @property
+    def rate_error_rad_s(self) -> Array:
+        """The norm of the body rate beside the target's, at each state (n,)."""
+        R_ND, omega_DN_D = self._target
+        omega_DN_N = R_ND @ omega_DN_D[..., None]
+        omega_DN_B = (np.swapaxes(self.states.R_NB, -1, -2) @ omega_DN_N)[..., 0]
+        return np.asarray(np.linalg.norm(self.states.omega_BN_B - omega_DN_B, axis=1))
 
 
 def read_run(
@@ -160,14 +182,15 @@ def read_run(
     if names.received_state and names.received_state != names.state:
         received = source.states(names.received_state, '', '')
     first_ns = int(states.stamp_ns[0])
-    pointing = (scenario or inside or assemble.shipped_scenario()).controller_config.mpc
+    config = (scenario or inside or assemble.shipped_scenario()).controller_config.mpc
     commands = source.commands(names.torque, first_ns, once=lockstep)
     return BagRun(
         path=Path(path), scenario=scenario or inside, description=description,
         lockstep=lockstep, outcome=_outcome(contents), states=states, received_states=received,
         commands=commands,
         setpoints=source.setpoints(
-            names.attitude_setpoint, names.direction_setpoint, first_ns, pointing),
+            names.attitude_setpoint, names.direction_setpoint, first_ns, config),
+        references=source.references(names.reference, first_ns),
         ticks=source.ticks(names.diagnostics, len(commands) if lockstep else None),
         predictions=source.predictions(names.prediction), topics=names,
         warnings=tuple(dict.fromkeys(warnings)), notes=tuple(dict.fromkeys(notes)),

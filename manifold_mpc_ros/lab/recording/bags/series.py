@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from manifold_mpc_ros.control.moving.trajectory import Trajectory
 from manifold_mpc_ros.lie.arrays import Array
 
 IntArray = npt.NDArray[np.int64]
@@ -72,6 +73,20 @@ class SetpointSeries:
 
     def __len__(self) -> int:
         """Return k."""
+        return len(self.stamp_ns)
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceSeries:
+    """r commanded attitudes that move, in the order of their stamps."""
+
+    stamp_ns: IntArray     # (r,) of their first points
+    time_s: Array          # (r,)
+    received_ns: IntArray  # (r,)
+    trajectories: tuple[Trajectory, ...]
+
+    def __len__(self) -> int:
+        """Return r."""
         return len(self.stamp_ns)
 
 

@@ -88,10 +88,10 @@ def _judged(run: BagRun, limits: AcceptanceLimits) -> Iterator[Judgement]:
     """Yield a judgement for each limit that is given, in the order of the table in the docs."""
     if limits.settle_time_s is not None:
         yield _settled(run, limits, limits.settle_time_s)
-    rate_rad_s = np.linalg.norm(run.states.omega_BN_B[-1])
     yield from _at_most('final_error_deg', limits.final_error_deg,
                         float(np.degrees(run.error_rad[-1])), 'deg')
-    yield from _at_most('final_rate_rad_s', limits.final_rate_rad_s, float(rate_rad_s), 'rad/s')
+    yield from _at_most('final_rate_rad_s', limits.final_rate_rad_s,
+                        float(run.rate_error_rad_s[-1]), 'rad/s')
     yield from _box('peak_torque_n_m', limits.peak_torque_n_m, run.commands.torque_B_n_m, 'N m')
     yield from _box('peak_rate_rad_s', limits.peak_rate_rad_s, run.states.omega_BN_B, 'rad/s')
     yield from _at_most('violations', limits.violations, measures.violations(run), '')

@@ -15,8 +15,10 @@ from rosgraph_msgs.msg import Clock
 
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME
 from manifold_mpc_ros.control.input_gate import NANOSECONDS
+from manifold_mpc_ros.lab.recording.bags.decode import TRAJECTORY
 from manifold_mpc_ros.lab.recording.bags.feed import (
     ATTITUDE_TOPIC,
+    REFERENCE_TOPIC,
     REPORTS,
     STATE_TOPICS,
     Feed,
@@ -26,6 +28,7 @@ from manifold_mpc_ros.lab.recording.nodes.listener import Listener, Watch, setpo
 from manifold_mpc_ros.lab.recording.nodes.raw import DEEP_QOS, message_class
 from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.nodes import messages
+from manifold_mpc_ros.nodes.setpoint_input import LATCHED_QOS
 
 NODE_NAME = 'bag_replayer'
 VECTOR = 'geometry_msgs/msg/Vector3Stamped'
@@ -53,12 +56,15 @@ class Replayer(Listener):
         self._feed = feed
         self.torques: dict[int, Array] = {}
         self.controller: dict[str, str] = {}
-        kinds = dict.fromkeys((each.topic for each in feed.setpoints), VECTOR) | {
+        given = {each.topic for each in feed.setpoints}
+        kinds = dict.fromkeys(given, VECTOR) | {
             STATE_TOPICS[feed.state_kind]: feed.state_kind,
             ATTITUDE_TOPIC: 'geometry_msgs/msg/QuaternionStamped'}
         kinds |= {each.topic: REPORTS[each.topic] for each in feed.reports}
+        kinds |= dict.fromkeys(given & {REFERENCE_TOPIC}, TRAJECTORY)
         self._publishers: dict[str, Any] = {
-            topic: self.node.create_publisher(message_class(kind), topic, DEEP_QOS)
+            topic: self.node.create_publisher(
+                message_class(kind), topic, LATCHED_QOS if kind == TRAJECTORY else DEEP_QOS)
             for topic, kind in kinds.items()}
         self._clock = self.node.create_publisher(Clock, '/clock', DEEP_QOS)
         self.node.create_subscription(

@@ -4,27 +4,36 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping, Sequence
 
 from geometry_msgs.msg import Vector3, Vector3Stamped
+from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from manifold_mpc_ros.config.description import Part
 from manifold_mpc_ros.control.described.conversions import write_attitude
 from manifold_mpc_ros.control.described.state_writer import write_part
+from manifold_mpc_ros.control.guidance.laws import Guidance
 from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.lab.recording.nodes.bag_recorder import BagRecorder
 from manifold_mpc_ros.lab.recording.nodes.link import Link
 from manifold_mpc_ros.lab.recording.nodes.listener import LOOK_S, Watch, setpoints_taken
 from manifold_mpc_ros.lab.recording.nodes.raw import DEEP_QOS, StampReader, message_class
+from manifold_mpc_ros.lab.recording.record_plan import REFERENCE
 from manifold_mpc_ros.lab.recording.scenarios.parts import LinkFault, Setpoint
 from manifold_mpc_ros.nodes import messages
+from manifold_mpc_ros.nodes.guidance.node import to_reference, to_sun_direction
+from manifold_mpc_ros.nodes.setpoint_input import LATCHED_QOS
 from manifold_mpc_ros.nodes.simulator.node import SIMULATED_EPOCH_NS
 
 #: A setpoint that the controller has not counted is published again after this [s].
 PUBLISH_AGAIN_S = 1.0
 #: Between two looks at a link's late messages [s].
 LINK_LOOK_S = 0.002
+#: A reference has no more points than this, whole seconds apart.
+MOST_POINTS = 1500
+SUN_DIRECTION = '/sun_direction'
 
 
 class RunInputs:
@@ -51,6 +60,9 @@ class RunInputs:
         How commanded attitudes are said.
     cone_topics
         The topics of directions of cones, by cone.
+    guidance, end_s
+        What commands attitudes that move, by mode, and until when [s]. A cone whose topic is
+        ``/sun_direction`` has the direction of the Sun with each.
 
     """
 
@@ -58,7 +70,8 @@ class RunInputs:
         self, recorder: BagRecorder, setpoints: Sequence[Setpoint],
         links: Mapping[str, tuple[str, str, LinkFault, StampReader]], state_topic: str, *,
         lockstep: bool, wall_clock: bool, wall_per_s: float, frames: tuple[str, str],
-        setpoint: Part, cone_topics: Mapping[str, str],
+        setpoint: Part, cone_topics: Mapping[str, str], guidance: Mapping[str, Guidance],
+        end_s: float,
     ) -> None:
         """Make publishers and links."""
         self._recorder = recorder
@@ -75,6 +88,11 @@ class RunInputs:
         topics.update(cone_topics.items())
         self._directions = {cone: node.create_publisher(Vector3Stamped, topic, DEEP_QOS)
                             for cone, topic in topics.items()}
+        self._guidance, self._end_s = guidance, end_s
+        self._reference = node.create_publisher(
+            MultiDOFJointTrajectory, REFERENCE, LATCHED_QOS) if guidance else None
+        self._sun = next((self._directions[cone] for cone, topic in cone_topics.items()
+                          if topic == SUN_DIRECTION), None)
         self._links: dict[str, Link] = {}
         for source, (target, kind, fault, stamp_of) in links.items():
             message = message_class(kind)
@@ -127,7 +145,8 @@ class RunInputs:
 
     def _controller_listens(self) -> bool:
         """Say whether somebody but the recorder reads the setpoints."""
-        return bool(self._attitude.get_subscription_count() > 1)
+        return all(each.get_subscription_count() > 1 for each in (
+            self._attitude, self._reference, self._sun) if each is not None)
 
     def _counted(self) -> bool:
         """Publish the next setpoint, now and then again; true once the controller counted it."""
@@ -135,7 +154,7 @@ class RunInputs:
         now_s = time.monotonic()
         if self._published_s is None:
             self._counted_before = count
-        elif count > self._counted_before:
+        elif count >= self._counted_before + self._messages(self._setpoints[0]):
             self._published_s = None
             self._setpoints.pop(0)
             return True
@@ -144,10 +163,23 @@ class RunInputs:
             self._publish(self._setpoints[0])
         return False
 
+    def _messages(self, setpoint: Setpoint) -> int:
+        """Return of how many messages a setpoint is."""
+        return 1 + (setpoint.guidance is not None and self._sun is not None)
+
     def _publish(self, setpoint: Setpoint) -> None:
         """Publish one setpoint."""
         stamp_ns = self._stamp_ns(setpoint)
-        if setpoint.attitude_xyzw is not None:
+        if setpoint.guidance is not None:
+            assert self._reference is not None
+            if self._sun is not None:
+                self._sun.publish(to_sun_direction(stamp_ns, self._frames[0]))
+            seconds = self._end_s - setpoint.at_s
+            spacing_s = math.ceil(seconds / MOST_POINTS)
+            self._reference.publish(to_reference(
+                self._guidance[setpoint.guidance], stamp_ns, spacing_s * NANOSECONDS,
+                math.ceil(seconds / spacing_s) + 1, self._frames[0]))
+        elif setpoint.attitude_xyzw is not None:
             x, y, z, w = map(float, setpoint.attitude_xyzw)
             assert self._kind is not None
             attitude = self._kind()

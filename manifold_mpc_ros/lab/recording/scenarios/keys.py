@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from manifold_mpc_ros.config import checks
+from manifold_mpc_ros.config.guidance import MODES
 from manifold_mpc_ros.config.parameter import ParameterSpec, Value
 from manifold_mpc_ros.errors import ConfigurationError
 
@@ -17,6 +18,8 @@ TIME_MODES = ('lockstep', 'clock', 'wall')
 GROUPS: dict[str, tuple[bool, str]] = {
     'controller': (False, 'changes to the shipped config/controller.yaml, by ROS parameter name'),
     'simulator': (False, 'changes to the shipped config/simulator.yaml, by ROS parameter name'),
+    'guidance': (False, 'changes to the shipped config/guidance.yaml, by ROS parameter name, for '
+                        'setpoints that move'),
     'setpoints': (True, 'what is commanded when; without it the initial setpoint stays'),
     'time': (False, 'how simulated time goes'),
     'faults': (False, 'what goes wrong between and around the nodes'),
@@ -53,6 +56,9 @@ SETPOINT_KEYS = (
                   unit='1', lengths=(3,)),
     ParameterSpec('cone', 'str', 'sun',
                   'with direction_N: the cone whose direction_topic brings it'),
+    ParameterSpec('guidance', 'str', 'nadir',
+                  'an attitude that moves, as guidance commands it in this mode, to the end',
+                  choices=MODES),
 )
 LINK_KEYS = (
     ParameterSpec('drop_probability', 'float', 0.0, 'part of the messages that are lost',

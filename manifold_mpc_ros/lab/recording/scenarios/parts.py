@@ -29,26 +29,28 @@ class Setpoint:
     """What is commanded from ``at_s`` on: an attitude, or a direction for the pointing axis.
 
     With ``cone`` it is no command: from then on the cone of that name has this direction.
+    ``guidance`` is a mode of guidance: an attitude that moves.
     """
 
     at_s: float
     attitude_xyzw: Array | None = None
     direction_N: Array | None = None
     cone: str | None = None
+    guidance: str | None = None
 
     @classmethod
     def from_mapping(cls, given: object, prefix: str) -> Setpoint:
         """Read one element of ``setpoints``."""
         values = check_group(SETPOINT_KEYS, {}, given, prefix)
-        if ('attitude_xyzw' in values) == ('direction_N' in values):
+        if sum(key in values for key in ('attitude_xyzw', 'direction_N', 'guidance')) != 1:
             raise ConfigurationError(
-                prefix.rstrip('.'), given, 'either attitude_xyzw or direction_N')
-        if 'cone' in values and 'attitude_xyzw' in values:
+                prefix.rstrip('.'), given, 'either attitude_xyzw or direction_N, or guidance')
+        if 'cone' in values and 'direction_N' not in values:
             raise ConfigurationError(f'{prefix}cone', values['cone'], 'left out, or direction_N')
         if 'attitude_xyzw' in values:
             values['attitude_xyzw'] = checks.unit_quaternion(
                 f'{prefix}attitude_xyzw', values['attitude_xyzw'])
-        else:
+        elif 'direction_N' in values:
             values['direction_N'] = checks.direction(
                 f'{prefix}direction_N', values['direction_N'])
         return cls(**values)

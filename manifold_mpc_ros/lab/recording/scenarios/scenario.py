@@ -20,6 +20,7 @@ from manifold_mpc_ros.config.description import (
     SHIPPED_STATES,
     text_of,
 )
+from manifold_mpc_ros.config.guidance import GUIDANCE_PARAMETERS, GuidanceConfig
 from manifold_mpc_ros.config.parameter import Value, resolve_parameters
 from manifold_mpc_ros.config.tables import CONTROLLER_PARAMETERS, SIMULATOR_PARAMETERS
 from manifold_mpc_ros.config.yaml_file import parse_mapping, read_text
@@ -52,6 +53,10 @@ DECIDED_AT_SIMULATOR = {
     **DECIDED_BY_TIME, 'state_sinks': 'controller.state_source',
     'command_source': 'controller.command_sink',
     'full_scale_torque_n_m': 'controller.full_scale_torque_n_m'}
+#: Of guidance: a setpoint names the mode, and its attitudes reach to the end of the run.
+DECIDED_AT_GUIDANCE = {
+    'mode': 'setpoints[].guidance', 'period_s': 'setpoints[].at_s', 'ahead_s': 'duration_s',
+    'inertial_frame_id': 'controller.inertial_frame_id', 'autostart': 'time.mode'}
 
 
 def is_shipped_state(state_source: str) -> bool:
@@ -63,9 +68,9 @@ def is_shipped_state(state_source: str) -> bool:
 class Scenario:
     """One case: spacecraft, controller, commands, faults, and what the run is judged by.
 
-    ``controller`` and ``simulator`` hold the changes to the shipped parameters by their dotted
-    ROS names; `controller_parameters` and `simulator_parameters` are complete. ``text`` is the
-    YAML that it was read from, to the letter unless that names a parameter file.
+    ``controller``, ``simulator`` and ``guidance`` hold the changes to the shipped parameters by
+    their dotted ROS names; `controller_parameters` and `simulator_parameters` are complete.
+    ``text`` is the YAML that it was read from, to the letter unless that names a parameter file.
 
     Raises ConfigurationError from the constructors; names the key, its value and what would be
     valid.
@@ -76,6 +81,7 @@ class Scenario:
     duration_s: float
     controller: Mapping[str, Value]
     simulator: Mapping[str, Value]
+    guidance: Mapping[str, Value]
     setpoints: tuple[Setpoint, ...]
     time_mode: str
     clock_factor: float
@@ -117,6 +123,9 @@ class Scenario:
             simulator=parameter_changes(
                 'simulator', SIMULATOR_PARAMETERS, as_mapping(values.get('simulator')),
                 DECIDED_AT_SIMULATOR),
+            guidance=parameter_changes(
+                'guidance', GUIDANCE_PARAMETERS, as_mapping(values.get('guidance')),
+                DECIDED_AT_GUIDANCE),
             setpoints=setpoints_from(values.get('setpoints')),
             time_mode=time.get('mode', 'lockstep'), clock_factor=time.get('factor', 1.0),
             faults=Faults.from_mapping(as_mapping(values.get('faults'))),
@@ -166,6 +175,13 @@ class Scenario:
         """The simulator's configuration."""
         return SimulatorConfig.from_parameters(self.simulator_parameters)
 
+    def guidance_config(self, mode: str) -> GuidanceConfig:
+        """Return the configuration of guidance in a mode."""
+        return GuidanceConfig.from_parameters(resolve_parameters(GUIDANCE_PARAMETERS, {
+            **self.guidance, 'mode': mode,
+            'inertial_frame_id': self.controller_parameters['inertial_frame_id'],
+        }, complete=False))
+
     def _check_together(self) -> None:
         """Refuse what does not fit together."""
         controller = named('controller', lambda: self.controller_config)
@@ -193,7 +209,14 @@ class Scenario:
                 raise ConfigurationError(
                     f'setpoints[{index}].at_s', setpoint.at_s,
                     f'less than duration_s, {self.duration_s:g}')
-            if setpoint.cone is not None:
+            if setpoint.guidance is not None:
+                mode = setpoint.guidance
+                named('guidance', lambda: self.guidance_config(mode))  # noqa: B023
+                if not controller.reference_timeout_s:
+                    raise ConfigurationError(
+                        'controller.reference.timeout_s', 0.0,
+                        f'above 0 with setpoints[{index}].guidance')
+            elif setpoint.cone is not None:
                 if setpoint.cone not in controller.cone_topics:
                     raise ConfigurationError(
                         f'setpoints[{index}].cone', setpoint.cone,
