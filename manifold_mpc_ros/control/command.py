@@ -10,13 +10,16 @@ from dataclasses import dataclass, replace
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.control.actuator import Actuation
 from manifold_mpc_ros.control.consistency import MotionBounds
-from manifold_mpc_ros.control.decrease_monitor import DecreaseMonitor
-from manifold_mpc_ros.control.decrease_record import DecreaseRecord
+from manifold_mpc_ros.control.decrease_monitor import FIXED, DecreaseMonitor
+from manifold_mpc_ros.control.decrease_record import Allowance, DecreaseRecord
 from manifold_mpc_ros.control.modes import Mode
+from manifold_mpc_ros.control.moving.promise import MovingPromise
 from manifold_mpc_ros.control.response.observer import ResponseObserver
 from manifold_mpc_ros.control.solver_thread import SolverRunner
+from manifold_mpc_ros.control.target import Target
 from manifold_mpc_ros.control.wheels.magnetorquers import DipoleLaw
 from manifold_mpc_ros.lie.arrays import Array
+from manifold_mpc_ros.mpc.reference import Reference
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution
 
 
@@ -49,6 +52,7 @@ class Law:
     A torque begins to act ``actuation_delay_s`` after the tick that it is sent at; ``observer``
     estimates by how much that is wrong, and the disturbance torque.
     An attitude error that stays above ``largest_steady_error_rad`` is worth a warning.
+    ``moving`` says what plans about targets that move promise; None: as about fixed ones.
     ``motion``: within what attitude and rate have to tell of one motion; None: not compared.
     ``dipoles``: what magnetorquers are commanded; None without them.
     """
@@ -63,8 +67,23 @@ class Law:
     observer: ResponseObserver | None = None
     largest_steady_error_rad: float = math.inf
     dipoles: DipoleLaw | None = None
+    moving: MovingPromise | None = None
 
-    def judged(self, command: Command, time_s: float, delay_s: float) -> Command:
+    def allowance(
+        self, solution: AttitudeMpcSolution | None, target: Target | None, acting_ns: int,
+        disturbance_B_n_m: Array,
+    ) -> Allowance:
+        """Return what the promise of a plan allows for that begins at a time [ns]."""
+        config = self.config
+        seen = None if target is None or solution is None or self.moving is None else (
+            target.over_horizon(acting_ns, config.step_s, config.horizon + 1))
+        if seen is None or solution is None or self.moving is None:
+            return FIXED
+        end = Reference(seen.R_ND[-2:], seen.omega_DN_D[-2:])
+        return self.moving.allowance(solution, end, disturbance_B_n_m)
+
+    def judged(self, command: Command, time_s: float, delay_s: float, allowance: Allowance
+               ) -> Command:
         """Return the command of a tick at ``time_s`` with what the monitor says about it.
 
         Its torque acts ``delay_s`` after the tick.
@@ -76,4 +95,4 @@ class Law:
                    and command.actuation.realises(solution.torque_B_n_m))
         return replace(command, decrease=self.monitor.observe(
             solution, time_s=time_s, delay_s=delay_s, applied=applied,
-            why_none='' if nominal else command.reason))
+            why_none='' if nominal else command.reason, allowance=allowance))

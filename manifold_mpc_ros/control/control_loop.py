@@ -193,7 +193,9 @@ class ControlLoop:
         self.steady_error.see(sample, self.target, reduced=decision.mode in _SOURCES)
         judged = self._law.judged(
             command, at.time_ns(sample) / NANOSECONDS,
-            0.0 if solution is None else at.delay_s(solution.solve_time_s))
+            0.0 if solution is None else at.delay_s(solution.solve_time_s),
+            self._law.allowance(solution, self.target, time_ns + self._ahead.delay_ns,
+                                self._ahead.known_disturbance_B_n_m))
         self.logic.succeed()
         return judged
 

@@ -6,7 +6,8 @@ Inside D_N a plan of value V(x) whose first torque u is applied for one step pro
 
     V(f(x, u)) <= V(x) - L(x, u),    and that a plan from f(x, u) exists,
 
-for the model f. A plant that breaks it is not the model: a disturbance, another inertia, a torque
+for the model f; about a target that moves, V - L and what `MovingPromise` allows for. A plant
+that breaks it is not the model: a disturbance, another inertia, a torque
 that did not arrive. Pure logic: solutions and times in, records out.
 """
 
@@ -19,6 +20,7 @@ import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.control.decrease_record import (
+    Allowance,
     Decrease,
     DecreaseCounters,
     DecreaseRecord,
@@ -35,17 +37,24 @@ HOLD_TICKS = 5
 #: Two ticks whose distance is off one step by more than this part of it do not follow each other.
 LARGEST_JITTER = 0.5
 
+#: A target that is fixed allows for nothing.
+FIXED = Allowance()
+
 _CAUSE = 'a disturbance, a torque that came late, or a plant that differs from the model'
 
 
 @dataclass(frozen=True)
 class _Promise:
-    """A promise in force: V - L, the L in it, when it was made and how late its torque was."""
+    """A promise in force: V - L, the L in it, when it was made and how late its torque was.
+
+    ``error`` is the value of the model's own error in the step.
+    """
 
     value: float
     decrease: float
     time_s: float
     delay_s: float
+    error: float
 
 
 class DecreaseMonitor:
@@ -85,7 +94,7 @@ class DecreaseMonitor:
 
     def observe(
         self, plan: ValuedPlan | None, *, time_s: float, delay_s: float = 0.0,
-        applied: bool = True, why_none: str = '',
+        applied: bool = True, why_none: str = '', allowance: Allowance = FIXED,
     ) -> DecreaseRecord:
         """Return the record of one tick.
 
@@ -101,6 +110,8 @@ class DecreaseMonitor:
             Whether the plan's first torque is what is commanded, unchanged, until the next tick.
         why_none
             Why there is no plan, or why its torque is not commanded.
+        allowance
+            What the promise of this plan allows for, where its target moves.
 
         """
         inside = self._is_inside(plan)
@@ -118,8 +129,10 @@ class DecreaseMonitor:
             self.suspend(why_none or 'the last state was outside the domain of attraction')
         elif not applied:
             self.suspend(why_none or 'not the torque of the plan was commanded')
+        elif allowance.why_none:
+            self.suspend(allowance.why_none)
         else:
-            self._promise_from(plan, time_s, delay_s)
+            self._promise_from(plan, time_s, delay_s, allowance)
         outside = plan is not None and self._certified and not inside
         self.counters = replace(
             record.counters, made=record.counters.made + (self._promise is not None),
@@ -151,7 +164,8 @@ class DecreaseMonitor:
         relative = excess / max(promise.decrease, tolerance.floor)
         record = replace(record, excess=excess, relative_excess=relative)
         off_s = abs(time_s - promise.time_s - self._step_s) + 2.0 * promise.delay_s
-        if excess <= tolerance.slack(promise.value, promise.decrease, off_s / self._step_s):
+        if excess <= tolerance.slack(promise.value, promise.decrease, off_s / self._step_s,
+                                     promise.error):
             return replace(record, verdict=Decrease.KEPT)
         early = '' if plan.status == SolveStatus.CONVERGED else 'a plan that has not converged, '
         return self._broken(record, f'{_fall(excess, promise.decrease)}: {early}{_CAUSE}')
@@ -165,7 +179,9 @@ class DecreaseMonitor:
         return replace(record, verdict=Decrease.BROKEN, reason=reason, counters=replace(
             counters, broken=counters.broken + 1, largest_excess=largest))
 
-    def _promise_from(self, plan: ValuedPlan, time_s: float, delay_s: float) -> None:
+    def _promise_from(
+        self, plan: ValuedPlan, time_s: float, delay_s: float, allowance: Allowance,
+    ) -> None:
         """Put the promise of a plan in force, if its torque is."""
         promised = float(plan.promised_cost)
         if not math.isfinite(promised):
@@ -173,7 +189,9 @@ class DecreaseMonitor:
         elif delay_s > LARGEST_JITTER * self._step_s:
             self.suspend('the last torque came late')
         else:
-            self._promise = _Promise(promised, float(plan.cost) - promised, time_s, delay_s)
+            self._promise = _Promise(
+                promised + allowance.excess, float(plan.cost) - promised, time_s, delay_s,
+                allowance.model_error)
 
     def _warned(self, record: DecreaseRecord) -> DecreaseRecord:
         """Return the record with the warning that is due."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from manifold_mpc_ros.mpc.solution import SolveStatus
 
@@ -33,6 +33,18 @@ class ValuedPlan(Protocol):
     @property
     def status(self) -> SolveStatus:
         """How the solve ended."""
+
+
+class Allowance(NamedTuple):
+    """What a promise about a target that moves allows for, in units of the value function.
+
+    ``excess`` is added to it; ``model_error`` is F of the model's own error in a step;
+    ``why_none`` says why there is no promise, empty where there is one.
+    """
+
+    excess: float = 0.0
+    model_error: float = 0.0
+    why_none: str = ''
 
 
 class Decrease(str, Enum):
@@ -63,10 +75,15 @@ class Tolerance:
     decrease: float
     floor: float
 
-    def slack(self, promised: float, last_decrease: float, off: float) -> float:
-        """Return how far a value may be above W; ``off`` is ``|T - h| / h + 2 D / h``."""
+    def slack(self, promised: float, last_decrease: float, off: float, error: float = 0.0
+              ) -> float:
+        """Return how far a value may be above W; ``off`` is ``|T - h| / h + 2 D / h``.
+
+        ``error`` is the value of a further error of the state: roots of values add.
+        """
         part = self.decrease + off
-        return (2.0 * math.sqrt(max(promised, 0.0) * self.floor) + self.floor
+        floor = (math.sqrt(self.floor) + math.sqrt(error)) ** 2 if error else self.floor
+        return (2.0 * math.sqrt(max(promised, 0.0) * floor) + floor
                 + VALUE_ROUNDING * abs(promised) + part * last_decrease)
 
 

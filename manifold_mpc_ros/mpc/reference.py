@@ -118,6 +118,15 @@ def numbers_of_reference(reference: Reference, config: AttitudeMpcConfig) -> Ref
     return ReferenceNumbers(nodes, np.abs(torque).max(axis=0) / limit, _rate_share(config, omega))
 
 
+def used_by(end: Reference, config: AttitudeMpcConfig, disturbance_B_n_m: Array
+            ) -> tuple[Array, float]:
+    """Return the torque (3,) [N m] between two nodes, and the part of the limits that is used."""
+    torque = reference_torque(end, config)[0]
+    limit = np.inf if config.max_torque_n_m is None else config.max_torque_n_m
+    used = (np.abs(torque) + np.abs(disturbance_B_n_m)) / limit
+    return torque, max(float(used.max()), _rate_share(config, end.omega_DN_D))
+
+
 def _rate_share(config: AttitudeMpcConfig, omega: Array) -> float:
     """Return the largest part of a rate limit that rates (n, 3) [rad/s] use."""
     shares = [0.0]

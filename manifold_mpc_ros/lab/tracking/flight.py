@@ -13,6 +13,7 @@ from manifold_mpc_ros.control.command import Command, Law
 from manifold_mpc_ros.control.control_loop import ControlLoop
 from manifold_mpc_ros.control.decrease_monitor import monitor_for
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateGate, StateSample
+from manifold_mpc_ros.control.moving.promise import moving_promise_for
 from manifold_mpc_ros.control.moving.trajectory import Trajectory
 from manifold_mpc_ros.control.response.observer import ResponseObserver
 from manifold_mpc_ros.control.solver_thread import DirectSolver, solve_with
@@ -84,7 +85,8 @@ def fly(
                      timed=True)
     loop = ControlLoop(
         Law(config, DirectSolver(solve_with(mpc)), fallback_s, monitor, observer=observer,
-            actuation_delay_s=delay_s), gate, initial_setpoint='identity')
+            actuation_delay_s=delay_s, moving=moving_promise_for(config, mpc.terminal)), gate,
+        initial_setpoint='identity')
     loop.aim(target)
     rows, commands = [], []
     for tick in range(round(duration_s / config.step_s)):

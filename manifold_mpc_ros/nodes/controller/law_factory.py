@@ -16,6 +16,7 @@ from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.control.command import Law
 from manifold_mpc_ros.control.consistency import MotionBounds
 from manifold_mpc_ros.control.decrease_monitor import monitor_for
+from manifold_mpc_ros.control.moving.promise import moving_promise_for
 from manifold_mpc_ros.control.response.observer import ResponseObserver, ResponseSettings
 from manifold_mpc_ros.control.solver_thread import (
     DirectSolver,
@@ -56,7 +57,8 @@ def law_with(
         attitude_noise_rad=config.attitude_noise_rad)
     return Law(config.mpc, runner_for(solver, config, prepare), config.state_timeout_s, monitor,
                solver.backend, config.actuation_delay_s, MotionBounds.from_config(config),
-               observer_for(config), config.largest_steady_error_rad, dipoles_of(config))
+               observer_for(config), config.largest_steady_error_rad, dipoles_of(config),
+               moving_promise_for(config.mpc, solver.terminal))
 
 
 def dipoles_of(config: ControllerConfig) -> DipoleLaw | None:
