@@ -45,6 +45,8 @@ class ControllerConfig:
     drift_n_m: float
     rate_noise_rad_s: float
     reference_timeout_s: float
+    slew_torque_fraction: float
+    slew_smallest_angle_rad: float
     inertial_frame_id: str
     body_frame_id: str
     initial_setpoint: str
@@ -68,6 +70,10 @@ class ControllerConfig:
                 'actuators.actuation_delay_s', self.actuation_delay_s,
                 f'at most {LONGEST_DELAY_STEPS} steps, {longest_s:g} s')
         limit = self.mpc.max_torque_n_m
+        if self.slew_torque_fraction and limit is None:
+            raise ConfigurationError(
+                'slew_profile.torque_fraction', self.slew_torque_fraction,
+                '0 without limits.max_torque_n_m, of which it is a part')
         if any(each.normalised for each in command_description(self.command_sink)) and (
                 limit is None or not (limit <= self.full_scale_torque_n_m).all()):
             raise ConfigurationError(
@@ -98,6 +104,11 @@ class ControllerConfig:
         devices = () if self.actuator == 'torque' else (self.actuator,)
         dipoles = () if self.magnetorquers is None else ('magnetorquers',)
         return tuple(dict.fromkeys((self.command_sink, *devices, *dipoles)))
+
+    @property
+    def moving(self) -> bool:
+        """Whether what is followed may move."""
+        return self.reference_timeout_s > 0.0 or self.slew_torque_fraction > 0.0
 
     @cached_property
     def state_name(self) -> str:

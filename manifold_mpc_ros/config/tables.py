@@ -7,10 +7,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from manifold_mpc_ros.config.cone_parameters import CONE_PARAMETERS
 from manifold_mpc_ros.config.interfaces import ACTUATORS
 from manifold_mpc_ros.config.orbit import ORBIT_PARAMETERS
 from manifold_mpc_ros.config.parameter import ParameterSpec
+from manifold_mpc_ros.config.target_parameters import CONE_PARAMETERS, TARGET_PARAMETERS
 from manifold_mpc_ros.config.thrusters import THRUSTER_OFF, THRUSTER_PARAMETERS
 from manifold_mpc_ros.config.wheel_parameters import (
     MAGNETORQUER_PARAMETERS,
@@ -167,10 +167,7 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
     ParameterSpec(
         'disturbance.rate_noise_rad_s', 'float', 1e-5,
         'standard deviation of a measured rate', unit='rad/s', low=1e-12, high=100.0),
-    ParameterSpec(
-        'reference.timeout_s', 'float', 0.0,
-        'age of an odometry_setpoint that still goes on; 0: take neither it nor a reference',
-        unit='s', low=0.0, high=86400.0, read_only=True, name_in_config='reference_timeout_s'),
+    *TARGET_PARAMETERS,
     INERTIAL_FRAME,
     _BODY_FRAME,
     ParameterSpec(

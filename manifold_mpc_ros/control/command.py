@@ -14,6 +14,7 @@ from manifold_mpc_ros.control.decrease_monitor import FIXED, DecreaseMonitor
 from manifold_mpc_ros.control.decrease_record import Allowance, DecreaseRecord
 from manifold_mpc_ros.control.modes import Mode
 from manifold_mpc_ros.control.moving.promise import MovingPromise
+from manifold_mpc_ros.control.moving.slew_profile import SlewPlanner
 from manifold_mpc_ros.control.response.observer import ResponseObserver
 from manifold_mpc_ros.control.solver_thread import SolverRunner
 from manifold_mpc_ros.control.target import Target
@@ -55,6 +56,7 @@ class Law:
     ``moving`` says what plans about targets that move promise; None: as about fixed ones.
     ``motion``: within what attitude and rate have to tell of one motion; None: not compared.
     ``dipoles``: what magnetorquers are commanded; None without them.
+    ``slews`` puts profiles in the place of setpoints that jump; None: they are aimed at.
     """
 
     config: AttitudeMpcConfig
@@ -68,6 +70,7 @@ class Law:
     largest_steady_error_rad: float = math.inf
     dipoles: DipoleLaw | None = None
     moving: MovingPromise | None = None
+    slews: SlewPlanner | None = None
 
     def allowance(
         self, solution: AttitudeMpcSolution | None, target: Target | None, acting_ns: int,

@@ -61,7 +61,7 @@ class ControlLoop:
 
     ``sample`` is the latest state, None before the first; ``directions_N`` those of cones that
     have come, by name. ``observer`` watches how the body answers, ``steady_error`` the error that
-    is left, and ``plan_watch`` whether horizon and period fit.
+    is left, ``plan_watch`` whether horizon and period fit; ``slews`` plans profiles, or None.
     """
 
     def __init__(
@@ -76,8 +76,7 @@ class ControlLoop:
         self.logic = ModeLogic(to_ns(law.config.step_s), to_ns(law.timeout_s))
         self.output = OutputGate(make_actuator(law.config))
         self._plan = HeldPlan(to_ns(law.config.step_s))
-        self._mode = Mode.WAIT
-        self._epoch = 0
+        self._mode, self._epoch = Mode.WAIT, 0
         self._ahead = Anticipation(law)
         self._take(law)
         self.reset()
@@ -110,7 +109,7 @@ class ControlLoop:
     def _take(self, law: Law) -> None:
         """Plan with this law from now on."""
         self._law = law
-        self.observer, self.output.dipoles = law.observer, law.dipoles
+        self.observer, self.slews, self.output.dipoles = law.observer, law.slews, law.dipoles
         self.plan_watch = PlanWatch(law.config)
         self.steady_error = SteadyError(law.config, law.largest_steady_error_rad)
         self._fallback = FallbackLaw(law.config)
@@ -230,11 +229,14 @@ class ControlLoop:
             return Facts(age_ns, SolveOutcome.BEYOND_GUARD, detail=(
                 'the rate is beyond the guard of the implicit step')), None
         assert self.target is not None
-        config, acting_ns = self._law.config, time_ns + self._ahead.delay_ns
+        config, acting_ns, target = self._law.config, time_ns + self._ahead.delay_ns, self.target
+        if self.slews is not None:
+            target = self.slews.target(
+                target, (R_NB, omega_BN_B), acting_ns, self.directions_N, self._void)
         result = self._law.solver.solve(SolveRequest(
-            time_ns, R_NB, omega_BN_B, self.target.at(acting_ns)[0], self._cold, self._epoch,
+            time_ns, R_NB, omega_BN_B, target.at(acting_ns)[0], self._cold, self._epoch,
             self._ahead.disturbance_B_n_m, self.directions_N, self.output.devices,
-            self.target.over_horizon(acting_ns, config.step_s, config.horizon)))
+            target.over_horizon(acting_ns, config.step_s, config.horizon)))
         offer = Offer.INVALID if result is None else self._offer(result)
         facts = facts_of(age_ns, result, offer)
         solution = None if result is None else result.solution
@@ -290,6 +292,8 @@ class ControlLoop:
         self._ahead.restart()
         self._epoch += 1
         self._cold = True
+        if self.slews is not None:
+            self.slews.forget()
         self._void(why)
 
     def _void(self, why: str) -> None:

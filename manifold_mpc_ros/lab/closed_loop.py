@@ -14,10 +14,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.control.input_gate import NANOSECONDS
+from manifold_mpc_ros.control.moving.slew_profile import SlewPlanner
+from manifold_mpc_ros.control.target import FixedTarget
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.lie.arrays import AnyArray as Array
+from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
+from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution
 
 
 class Body(Protocol):
@@ -178,6 +183,26 @@ class ModelPlant:
     def measure(self) -> tuple[Array, Array]:
         """Return the exact attitude (3, 3) and body rate (3,) [rad/s]."""
         return self.R_NB, self.omega_BN_B
+
+
+class SlewingController:
+    """The controller, with profiles in the place of setpoints; one tick a solve."""
+
+    def __init__(self, mpc: AttitudeMpc, slews: SlewPlanner) -> None:
+        """Begin at time zero."""
+        self._mpc, self._slews, self._ticks = mpc, slews, 0
+
+    def solve(self, R_NB: ArrayLike, omega_BN_B: ArrayLike, R_ND: ArrayLike | None = None
+              ) -> AttitudeMpcSolution:
+        """Answer the measured state of the next tick."""
+        config, state = self._mpc.config, (np.asarray(R_NB), np.asarray(omega_BN_B))
+        time_ns = round(self._ticks * config.step_s * NANOSECONDS)
+        self._ticks += 1
+        target = self._slews.target(
+            FixedTarget(np.eye(3) if R_ND is None else np.asarray(R_ND)), state, time_ns, {})
+        return self._mpc.solve(
+            *state, target.at(time_ns)[0],
+            reference=target.over_horizon(time_ns, config.step_s, config.horizon))
 
 
 def run_closed_loop(

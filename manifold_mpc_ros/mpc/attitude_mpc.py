@@ -228,16 +228,24 @@ class AttitudeMpc:
     @property
     def limits_used(self) -> float:
         """The largest part of a torque or rate limit that disturbance and reference use."""
-        limit = self.config.max_torque_n_m
-        acting = np.abs(self._disturbance) / (np.inf if limit is None else limit)
-        return max(float((self._reference.torque_share + acting).max()),
+        return max(float((self._reference.torque_share + self._acting_share).max()),
                    self._reference.rate_share)
 
     @property
     def terminal_share(self) -> float:
-        """The part of the terminal level that they leave; of less than the least, no promise."""
-        left = max(LEAST_SHARE, 1.0 - self.limits_used)
+        """The part of the terminal level that they leave; of less than the least, no promise.
+
+        A reference that is at rest at the end of the horizon uses nothing of the limits there.
+        """
+        used = float(self._acting_share.max()) if self._reference.rests else self.limits_used
+        left = max(LEAST_SHARE, 1.0 - used)
         return left * left
+
+    @property
+    def _acting_share(self) -> Array:
+        """The parts (3,) of the torque limits that the disturbance uses."""
+        limit = self.config.max_torque_n_m
+        return np.asarray(np.abs(self._disturbance) / (np.inf if limit is None else limit))
 
 
 def _checked(R_NB: ArrayLike, omega_BN_B: ArrayLike, R_ND: ArrayLike | None

@@ -72,12 +72,14 @@ class ReferenceNumbers(NamedTuple):
     """``nodes`` (N+1, 14): quaternions of E_k = R_D0Dk and F_k, rate and torque, dimensionless.
 
     ``torque_share`` (3,) is what the reference's torque uses of the torque limits, ``rate_share``
-    what its rate uses of the rate limits, both the largest over the horizon.
+    what its rate uses of the rate limits, both the largest over the horizon; ``rests``: its rate
+    at the end is zero, so a law about its end has all the limits.
     """
 
     nodes: Array
     torque_share: Array
     rate_share: float
+    rests: bool
 
 
 def reference_torque(reference: Reference, config: AttitudeMpcConfig) -> Array:
@@ -115,7 +117,8 @@ def numbers_of_reference(reference: Reference, config: AttitudeMpcConfig) -> Ref
     nodes = np.hstack([
         quaternions, np.cos(angle), np.sinc(angle / np.pi) * half,
         omega / unit.rate_rad_s, torque / unit.torque_n_m])
-    return ReferenceNumbers(nodes, np.abs(torque).max(axis=0) / limit, _rate_share(config, omega))
+    return ReferenceNumbers(nodes, np.abs(torque).max(axis=0) / limit, _rate_share(config, omega),
+                            not omega[-1].any())
 
 
 def used_by(end: Reference, config: AttitudeMpcConfig, disturbance_B_n_m: Array

@@ -139,6 +139,20 @@ def test_a_fixed_reference_is_the_fixed_target(mpc: AttitudeMpc) -> None:
     assert mpc.terminal_share == 1.0
 
 
+def test_one_that_rests_at_the_end_leaves_the_terminal_set_whole(mpc: AttitudeMpc) -> None:
+    turning = np.append(np.full(N // 2, 0.3), np.zeros(N + 1 - N // 2))
+    angles = np.append(0.0, np.cumsum((turning[1:] + turning[:-1]) / 2.0 * CONFIG.step_s))
+    omega = turning[:, None] * np.eye(3)[2]
+    mpc.reset()
+    mpc.solve(np.eye(3), omega[0], reference=Reference(
+        so3.exp(angles[:, None] * np.eye(3)[2]), omega))
+    assert (mpc.terminal_share, mpc.limits_used > 0.5) == (1.0, True)
+    omega[-1] = [0.0, 0.0, 0.1]
+    mpc.solve(np.eye(3), omega[0], reference=Reference(
+        so3.exp(angles[:, None] * np.eye(3)[2]), omega))
+    assert mpc.terminal_share == max(0.01, 1.0 - mpc.limits_used) ** 2
+
+
 @pytest.mark.parametrize('forcing', ['symmetric', 'paper'])
 def test_the_torque_of_a_reference_is_the_lgvis(forcing: str) -> None:
     config = configuration(**{**CERTIFIED, 'forcing': forcing})

@@ -14,8 +14,9 @@ import numpy as np
 from manifold_mpc_ros.cli import arguments as shared
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig, SimulatorConfig
 from manifold_mpc_ros.config.controller import ControllerConfig
+from manifold_mpc_ros.control.moving.slew_profile import SlewPlanner
 from manifold_mpc_ros.control.plan_watch import PlanWatch
-from manifold_mpc_ros.lab.closed_loop import ClosedLoopLog, run_closed_loop
+from manifold_mpc_ros.lab.closed_loop import ClosedLoopLog, SlewingController, run_closed_loop
 from manifold_mpc_ros.lab.demo.defaults import set_defaults
 from manifold_mpc_ros.mpc.target import error_angle
 from manifold_mpc_ros.sim.plant import Plant
@@ -62,10 +63,13 @@ def run(arguments: argparse.Namespace) -> int:
     arguments.output.mkdir(parents=True, exist_ok=True)
     console = report.make_console()
     with console.status('Designing the terminal set and building the solver'):
-        mpc = AttitudeMpc(config, backend=arguments.backend or controller.backend)
+        mpc = AttitudeMpc(config, backend=arguments.backend or controller.backend,
+                          moving=controller.moving)
+    slews = SlewPlanner.from_config(controller)
     with Progress(console, 's', arguments.duration) as progress:
         log = run_closed_loop(
-            mpc, plant, arguments.duration, config.step_s,
+            mpc if slews is None else SlewingController(mpc, slews), plant,
+            arguments.duration, config.step_s,
             on_tick=lambda tick: progress.show(
                 tick.time_s, f'error {math.degrees(tick.attitude_error_rad):9.4f} deg, '
                 f'rate {tick.rate_rad_s:8.5f} rad/s'),

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,7 @@ from manifold_mpc_ros.control.control_loop import ControlLoop
 from manifold_mpc_ros.control.decrease_monitor import monitor_for
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateGate, StateSample
 from manifold_mpc_ros.control.moving.promise import moving_promise_for
+from manifold_mpc_ros.control.moving.slew_profile import SlewPlanner
 from manifold_mpc_ros.control.moving.trajectory import Trajectory
 from manifold_mpc_ros.control.response.observer import ResponseObserver
 from manifold_mpc_ros.control.solver_thread import DirectSolver, solve_with
@@ -74,9 +75,13 @@ def fly(
     mpc: AttitudeMpc, body: ContinuousBody, target: Target, duration_s: float, *,
     observer: ResponseObserver | None = None, delay_s: float = 0.0,
     measure: Callable[[ContinuousBody], tuple[Array, Array]] | None = None,
-    fallback_s: float = 2.5,
+    fallback_s: float = 2.5, slews: SlewPlanner | None = None,
+    later: Mapping[int, Target] | None = None,
 ) -> Flight:
-    """Close the loop by the clock of the stamps; the body's steps divide those of the control."""
+    """Close the loop by the clock of the stamps; the body's steps divide those of the control.
+
+    ``later`` are the targets that are commanded at ticks after the first.
+    """
     mpc.reset()
     config, steps = mpc.config, round(mpc.config.step_s / body.step_s)
     monitor = monitor_for(
@@ -85,12 +90,15 @@ def fly(
                      timed=True)
     loop = ControlLoop(
         Law(config, DirectSolver(solve_with(mpc)), fallback_s, monitor, observer=observer,
-            actuation_delay_s=delay_s, moving=moving_promise_for(config, mpc.terminal)), gate,
-        initial_setpoint='identity')
+            actuation_delay_s=delay_s, moving=moving_promise_for(config, mpc.terminal),
+            slews=slews), gate, initial_setpoint='identity')
     loop.aim(target)
     rows, commands = [], []
     for tick in range(round(duration_s / config.step_s)):
         now_ns = EPOCH_NS + round(tick * config.step_s * NANOSECONDS)
+        if later is not None and tick in later:
+            target = later[tick]
+            loop.aim(target)
         R_NB, omega = (body.R_NB, body.omega_BN_B) if measure is None else measure(body)
         loop.admit(StateSample(now_ns, R_NB, omega))
         commands.append(loop.tick(ClockTime(now_ns)))

@@ -55,6 +55,8 @@ def status_of(command: Command | None, loop: ControlLoop, waiting: str) -> Statu
         _add_response(status, loop.observer)
     if loop.sample is not None:
         _add_error(status, loop.steady_error)
+    if loop.slews is not None:
+        status.values['slew_profile'] = 'followed' if loop.slews.follows else 'none'
     if loop.target is not None and loop.target.moves:
         _add_target(status, command, loop.target, loop)
     return status

@@ -17,6 +17,7 @@ from manifold_mpc_ros.control.command import Law
 from manifold_mpc_ros.control.consistency import MotionBounds
 from manifold_mpc_ros.control.decrease_monitor import monitor_for
 from manifold_mpc_ros.control.moving.promise import moving_promise_for
+from manifold_mpc_ros.control.moving.slew_profile import SlewPlanner
 from manifold_mpc_ros.control.response.observer import ResponseObserver, ResponseSettings
 from manifold_mpc_ros.control.solver_thread import (
     DirectSolver,
@@ -45,7 +46,7 @@ def solver_for(config: ControllerConfig, terminal: TerminalDesign | None = None)
     return AttitudeMpc(
         config.mpc, backend=config.backend, terminal=terminal,
         disturbed=config.estimate_disturbance or config.magnetorquers is not None,
-        moving=config.reference_timeout_s > 0.0)
+        moving=config.moving)
 
 
 def law_with(
@@ -58,7 +59,7 @@ def law_with(
     return Law(config.mpc, runner_for(solver, config, prepare), config.state_timeout_s, monitor,
                solver.backend, config.actuation_delay_s, MotionBounds.from_config(config),
                observer_for(config), config.largest_steady_error_rad, dipoles_of(config),
-               moving_promise_for(config.mpc, solver.terminal))
+               moving_promise_for(config.mpc, solver.terminal), SlewPlanner.from_config(config))
 
 
 def dipoles_of(config: ControllerConfig) -> DipoleLaw | None:

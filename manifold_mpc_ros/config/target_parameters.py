@@ -1,6 +1,6 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The parameters that each cone of a controller has."""
+"""The parameters of what is aimed at: cones, targets that move, profiles towards others."""
 
 from __future__ import annotations
 
@@ -32,4 +32,20 @@ CONE_PARAMETERS = (
         'direction_timeout_s', 'float', 60.0,
         'age above which a direction of the topic is stale: the last one holds, with a warning',
         unit='s', low=0.0, high=1e9),
+)
+
+#: Parameters of a controller's targets.
+TARGET_PARAMETERS = (
+    ParameterSpec(
+        'reference.timeout_s', 'float', 0.0,
+        'age of an odometry_setpoint that still goes on; 0: take neither it nor a reference',
+        unit='s', low=0.0, high=86400.0, read_only=True, name_in_config='reference_timeout_s'),
+    ParameterSpec(
+        'slew_profile.torque_fraction', 'float', 0.0,
+        'part of the torque and rate limits that a profile towards a setpoint uses; 0: no profile',
+        unit='1', low=0.0, high=0.99, name_in_config='slew_torque_fraction'),
+    ParameterSpec(
+        'slew_profile.smallest_angle_rad', 'float', 0.1,
+        'a body that is nearer to where it should be begins no profile', unit='rad', low=1e-6,
+        high=4.0, name_in_config='slew_smallest_angle_rad'),
 )
