@@ -61,9 +61,11 @@ class BenchPlan:
         """Return the parameters that a node is started with; raises ConfigurationError."""
         path = self.controller_file if node == CONTROLLER else self.simulator_file
         values = read_parameter_file(path, NAMES[node])
-        if self.step_s is not None:
-            name = 'mpc.step_s' if node == CONTROLLER else 'timing.control_period_s'
-            values[name] = self.step_s
+        if self.step_s is not None and node == CONTROLLER:
+            values['mpc.step_s'] = self.step_s
+        elif self.step_s is not None:
+            values['timing.state_period_s'] *= self.step_s / values['timing.control_period_s']
+            values['timing.control_period_s'] = self.step_s
         if simulated_time:
             values['use_sim_time' if node == CONTROLLER else 'timing.publish_clock'] = True
         return values

@@ -64,7 +64,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--every', type=shared.positive_number, default=30.0, metavar='S',
                         help='period of the faults of a soak (default: %(default)s)')
     parser.add_argument('--rate-hz', type=shared.positive_number, metavar='HZ',
-                        help='rate of control (default: as in the parameter file, shipped: 50)')
+                        help='rate of control, that of the states in proportion (default: as '
+                             'in the parameter file, shipped: 50)')
     parser.add_argument('--pairs', type=shared.whole_number(1), default=2, metavar='N',
                         help='pairs of nodes side by side, each on a domain of its own; a soak '
                              'has one (default: %(default)s)')
