@@ -71,12 +71,12 @@ class ControlLoop:
         """Start without a state, at the initial setpoint."""
         self._hold = initial_setpoint == 'hold'
         self.directions_N: Mapping[str, Array] = {}
-        self._make_actuator = make_actuator
-        self.gate = gate
+        self._make_actuator, self.gate = make_actuator, gate
         self.logic = ModeLogic(to_ns(law.config.step_s), to_ns(law.timeout_s))
         self.output = OutputGate(make_actuator(law.config))
         self._plan = HeldPlan(to_ns(law.config.step_s))
         self._mode, self._epoch = Mode.WAIT, 0
+        self._flown: Target | None = None  # what the last plan is about: the target, or a profile
         self._ahead = Anticipation(law)
         self._take(law)
         self.reset()
@@ -87,8 +87,7 @@ class ControlLoop:
         self.gate.forget()
         self.output.zero()
         self.target: Target | None = None if self._hold else FixedTarget(np.eye(3))
-        self.commanded = False
-        self.jumps = 0
+        self.commanded, self.jumps = False, 0
         self.sample: StateSample | None = None
         self._flush('reset')
 
@@ -154,8 +153,7 @@ class ControlLoop:
                 self.target, target, time_ns, self._law.config.step_s):
             self._void('the setpoint changed')
             self.jumps += target.moves
-        self.target = target
-        self.commanded = True
+        self.target, self.commanded = target, True
 
     def direct(self, name: str, direction_N: Array) -> None:
         """Take the unit direction (3,) of a cone; plans before one that jumps bound no value."""
@@ -193,7 +191,7 @@ class ControlLoop:
         judged = self._law.judged(
             command, at.time_ns(sample) / NANOSECONDS,
             0.0 if solution is None else at.delay_s(solution.solve_time_s),
-            self._law.allowance(solution, self.target, time_ns + self._ahead.delay_ns,
+            self._law.allowance(solution, self._flown, time_ns + self._ahead.delay_ns,
                                 self._ahead.known_disturbance_B_n_m))
         self.logic.succeed()
         return judged
@@ -229,10 +227,9 @@ class ControlLoop:
             return Facts(age_ns, SolveOutcome.BEYOND_GUARD, detail=(
                 'the rate is beyond the guard of the implicit step')), None
         assert self.target is not None
-        config, acting_ns, target = self._law.config, time_ns + self._ahead.delay_ns, self.target
-        if self.slews is not None:
-            target = self.slews.target(
-                target, (R_NB, omega_BN_B), acting_ns, self.directions_N, self._void)
+        config, acting_ns = self._law.config, time_ns + self._ahead.delay_ns
+        target = self._flown = self.target if self.slews is None else self.slews.target(
+            self.target, (R_NB, omega_BN_B), acting_ns, self.directions_N, self._void)
         result = self._law.solver.solve(SolveRequest(
             time_ns, R_NB, omega_BN_B, target.at(acting_ns)[0], self._cold, self._epoch,
             self._ahead.disturbance_B_n_m, self.directions_N, self.output.devices,
