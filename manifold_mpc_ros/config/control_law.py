@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
 
@@ -31,6 +31,7 @@ from manifold_mpc_ros.config.parameter import (
 from manifold_mpc_ros.config.rate_limits import RateBox, RateEllipsoid, RateLimit
 from manifold_mpc_ros.config.simulator import SimulatorConfig
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
+from manifold_mpc_ros.config.target_parameters import HorizonSteps
 from manifold_mpc_ros.config.thrusters import ThrusterArray
 from manifold_mpc_ros.config.wheel_parameters import wheels_of
 from manifold_mpc_ros.config.wheels import WheelArray
@@ -48,7 +49,7 @@ MAX_STEP_ANGLE_RAD = 1.5
 
 _CHECKS: dict[str, checks.Check] = {
     'inertia_kg_m2': checks.inertia, 'step_s': checks.positive,
-    'horizon': partial(checks.integer, low=1),
+    'horizon': partial(checks.integer, low=1), 'horizon_s': checks.non_negative,
     'attitude_weight': partial(checks.trace_weight, definite=False),
     'rate_weight': partial(checks.trace_weight, definite=False),
     'torque_weight': partial(checks.trace_weight, definite=True),
@@ -71,9 +72,12 @@ class AttitudeMpcConfig:
     inertia_kg_m2
         J about the mass centre in body axes, 3x3 (3 numbers: its diagonal) [kg m^2].
     step_s
-        Step h of prediction and control [s].
+        Control period h, and step of the prediction [s].
     horizon
         Number of steps N.
+    horizon_s
+        Time that the N steps cover together [s], more than ``horizon * step_s``: the first
+        last h each, the others grow by a constant factor (:class:`.HorizonSteps`). 0: all last h.
     attitude_weight, rate_weight, torque_weight
         Qg, Qf [s^2], R [1/(N m)^2]; symmetric 3x3 (3 numbers: the diagonal).
     terminal_scale
@@ -129,6 +133,7 @@ class AttitudeMpcConfig:
     target: str = 'attitude'
     pointing_axis_B: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     pointing_weight: float = 2.0
+    horizon_s: float = 0.0
     cones: Sequence[Cone] = ()
     wheels: WheelArray | None = None
     thrusters: ThrusterArray | None = None
@@ -136,6 +141,7 @@ class AttitudeMpcConfig:
     def __post_init__(self) -> None:
         """Check every field, then what the fields together have to satisfy."""
         checks.fields(self, _CHECKS)
+        self._check_grading()
         self._check_branch()
         self._check_existence()
         checks.fields(self, {'cones': unique_cones})
@@ -164,11 +170,6 @@ class AttitudeMpcConfig:
             raise named_as_parameter(CONTROLLER_PARAMETERS, error) from None
 
     @property
-    def nonstandard_inertia(self) -> Array:
-        """``J_d = tr(J)/2 I - J`` [kg m^2], the inertia that the LGVI step is written in."""
-        return np.trace(self.inertia_kg_m2) / 2.0 * np.eye(3) - self.inertia_kg_m2
-
-    @property
     def error_weight(self) -> Array:
         """The Q of ``tr(Q (I - g))``: Qg, or ``w b b^T`` for pointing."""
         if self.target == 'attitude':
@@ -191,15 +192,33 @@ class AttitudeMpcConfig:
         box = () if self.max_rate_rad_s is None else (RateBox(self.max_rate_rad_s),)
         return (*box, *map(RateEllipsoid, self.rate_ellipsoids_s2))
 
+    @cached_property
+    def steps(self) -> HorizonSteps:
+        """The steps of the horizon."""
+        return HorizonSteps(self.horizon, self.step_s, self.horizon_s)
+
+    @property
+    def with_equal_steps(self) -> AttitudeMpcConfig:
+        """The same law with a horizon that is as long, of steps that all last step_s."""
+        return self if not self.horizon_s else replace(
+            self, horizon=self.steps.in_periods, horizon_s=0.0)
+
+    def _check_grading(self) -> None:
+        """Refuse steps that cannot grow, or that grow where equal ones are counted on."""
+        if self.steps.grow and (self.cones or self.wheels is not None or self.forcing == 'paper'):
+            raise ConfigurationError(
+                'horizon_s', self.horizon_s, '0 with cones, with wheels and with paper forcing')
+
     def _check_branch(self) -> None:
         """Refuse rate limits that let one step turn as far as the end of the principal branch."""
         limits = self.rate_limits
-        angle = self.step_s * min((limit.largest_rate_rad_s for limit in limits), default=0.0)
+        angle = self.steps.longest_s * min(
+            (limit.largest_rate_rad_s for limit in limits), default=0.0)
         if angle >= MAX_STEP_ANGLE_RAD:
             raise ConfigurationError(
                 *self._rate_limit(),
                 f'limits with step_s * |largest rate| below {MAX_STEP_ANGLE_RAD} rad '
-                f'(it is {angle:.4g} rad with step_s = {self.step_s:g})')
+                f'(it is {angle:.4g} rad with step_s = {self.steps.longest_s:g})')
 
     @property
     def largest_acceleration_rad_s2(self) -> float:
@@ -257,9 +276,9 @@ class AttitudeMpcConfig:
         torque = _finite_part(self.max_torque_n_m)
         momentum = min((limit.largest_momentum_n_m_s(self.inertia_kg_m2)
                         for limit in self.rate_limits), default=0.0)
-        impulse = self.step_s * float(np.linalg.norm(torque)) / 2.0
+        impulse = self.steps.longest_s * float(np.linalg.norm(torque)) / 2.0
         smallest = float(np.linalg.eigvalsh(self.inertia_kg_m2)[0])
-        reached = self.step_s * (momentum + impulse)
+        reached = self.steps.longest_s * (momentum + impulse)
         if reached >= smallest:
             key, value = self._rate_limit() if momentum >= impulse else (
                 'max_torque_n_m', torque.tolist())

@@ -69,6 +69,10 @@ class ControllerConfig:
             raise ConfigurationError(
                 'actuators.actuation_delay_s', self.actuation_delay_s,
                 f'at most {LONGEST_DELAY_STEPS} steps, {longest_s:g} s')
+        if self.mpc.horizon_s and self.moving:
+            raise ConfigurationError(
+                'mpc.horizon_s', self.mpc.horizon_s,
+                '0 with targets that move (reference.timeout_s, slew_profile.torque_fraction)')
         limit = self.mpc.max_torque_n_m
         if self.slew_torque_fraction and limit is None:
             raise ConfigurationError(

@@ -10,7 +10,11 @@ from dataclasses import replace
 from manifold_mpc_ros.config.interfaces import ACTUATORS
 from manifold_mpc_ros.config.orbit import ORBIT_PARAMETERS
 from manifold_mpc_ros.config.parameter import ParameterSpec
-from manifold_mpc_ros.config.target_parameters import CONE_PARAMETERS, TARGET_PARAMETERS
+from manifold_mpc_ros.config.target_parameters import (
+    CONE_PARAMETERS,
+    HORIZON_PARAMETERS,
+    TARGET_PARAMETERS,
+)
 from manifold_mpc_ros.config.thrusters import THRUSTER_OFF, THRUSTER_PARAMETERS
 from manifold_mpc_ros.config.wheel_parameters import (
     MAGNETORQUER_PARAMETERS,
@@ -101,12 +105,7 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
         'cones.names', 'names', [''],
         'names of the cones that body axes stay out of, or in; each has parameters of its own',
         read_only=True, each=CONE_PARAMETERS),
-    ParameterSpec(
-        'mpc.step_s', 'float', 0.5, 'step of prediction, and period of the torque command',
-        unit='s', low=0.0, high=3600.0, required=True, read_only=True),
-    ParameterSpec(
-        'mpc.horizon', 'int', 20, 'number of predicted steps', unit='steps', low=1, high=1000,
-        required=True),
+    *HORIZON_PARAMETERS,
     _weight('attitude_weight', [1.0, 1.0, 1.0], 'Qg of tr(Qg (I - g))', '1'),
     _weight('rate_weight', [0.25, 0.35, 0.65], 'Qf of tr(Qf (I - f)) / h^2', 's^2'),
     _weight('torque_weight', [2.0, 2.0, 2.0], 'R of tr(u^T R u) / 2 with u = tau^x',

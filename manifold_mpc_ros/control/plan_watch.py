@@ -38,7 +38,7 @@ class PlanWatch:
         """Return the warnings after a solve."""
         config, found = self._config, {}
         if self._outside >= config.horizon:
-            view_s = config.horizon * config.step_s
+            view_s = config.steps.in_periods * config.step_s
             found['horizon'] = (
                 f'no plan has reached the terminal set for {config.horizon} ticks: {view_s:g} s '
                 'ahead are too short for this slew; raise mpc.horizon or mpc.torque_weight '
@@ -46,5 +46,6 @@ class PlanWatch:
         if sum(self._late) >= LATE:
             found['period'] = (
                 f'{LATE} of {RECENT} solves take longer than the period of {config.step_s:g} s; '
-                'lower mpc.horizon or raise mpc.step_s')
+                'lower mpc.horizon (with mpc.horizon_s it sees as far in fewer steps) or raise '
+                'mpc.step_s')
         return found

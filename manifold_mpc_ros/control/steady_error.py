@@ -26,7 +26,7 @@ class SteadyError:
     def __init__(self, config: AttitudeMpcConfig, largest_rad: float) -> None:
         """Start with no tick."""
         self._axis_B = config.pointing_axis_B if config.target == 'pointing' else None
-        self._horizon, self._largest_rad = config.horizon, largest_rad
+        self._horizon, self._largest_rad = config.steps.in_periods, largest_rad
         self.attitude_rad = self.rate_rad_s = float('nan')
         self.forget()
 

@@ -207,6 +207,8 @@ class AttitudeMpc:
         """Plan about a reference from now on; return its first attitude, R_ND without one."""
         if reference is None and not self._tracked:
             return R_ND
+        if self.config.horizon_s:
+            raise ConfigurationError('reference', 'given', 'None with horizon_s')
         self._tracked = reference is not None
         if reference is not None and self.config.target == 'pointing' and R_NB.shape == (3, 3):
             reference = reference.rolled(self.config.pointing_axis_B, R_NB)

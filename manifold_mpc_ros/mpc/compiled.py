@@ -80,6 +80,8 @@ class CompiledMpc:
             level=numbers[f.PARAMETER][TERMINAL_LEVEL], allowed=1, inside=1)
         self._address = ctypes.byref(self._controller)
         library.prepare(self._address)
+        if structure.graded:
+            self._set_nodes(f.INNER, np.append(config.steps.periods, 0.0)[:, None])
 
     def _stages(self, memory: Memory) -> Array:
         """Return memory for N + 1 stages in blocks of lanes, one before them and one behind."""

@@ -56,7 +56,7 @@ def stored_design(config: AttitudeMpcConfig, cache_dir: str | Path | None) -> Te
 def _name(config: AttitudeMpcConfig) -> str:
     """Return what the design follows from, as a part of a file name."""
     values = {field.name: getattr(config, field.name) for field in fields(config)
-              if field.name != 'horizon'}
+              if field.name not in ('horizon', 'horizon_s')}
     facts = {name: value.tobytes() if isinstance(value, np.ndarray) else value
              for name, value in values.items()}
     return cache.name_of(_SOURCES, facts, ca.CasadiMeta.version(), np.__version__,

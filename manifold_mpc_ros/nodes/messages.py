@@ -60,7 +60,7 @@ def to_vector(values: Array) -> Vector3:
 
 
 def to_path(
-    stamp_ns: int, step_s: float, attitudes: Array, inertial_frame_id: str,
+    stamp_ns: int, times_s: Array, attitudes: Array, inertial_frame_id: str,
     axis_B: Sequence[float] | Array = (1.0, 0.0, 0.0),
 ) -> Path:
     """Return predicted attitudes (N+1, 3, 3) as poses with the stamps they are predicted for.
@@ -71,10 +71,10 @@ def to_path(
     path = Path()
     path.header.frame_id = inertial_frame_id
     path.header.stamp = to_stamp(stamp_ns)
-    for index, R_NB in enumerate(attitudes):
+    for time_s, R_NB in zip(times_s.tolist(), attitudes):
         pose = PoseStamped()
         pose.header.frame_id = inertial_frame_id
-        pose.header.stamp = to_stamp(stamp_ns + to_ns(index * step_s))
+        pose.header.stamp = to_stamp(stamp_ns + to_ns(time_s))
         pose.pose.orientation = to_quaternion(R_NB)
         x, y, z = map(float, R_NB @ np.asarray(axis_B))
         pose.pose.position = Point(x=x, y=y, z=z)

@@ -65,14 +65,6 @@ def test_a_matrix_is_its_diagonal_or_all_of_it(given: Any) -> None:
     np.testing.assert_array_equal(make(inertia_kg_m2=given).inertia_kg_m2, INERTIA)
 
 
-def test_nonstandard_inertia() -> None:
-    J = turned(INERTIA)
-    config = make(inertia_kg_m2=J)
-    np.testing.assert_allclose(
-        config.nonstandard_inertia, np.trace(J) / 2.0 * np.eye(3) - J, atol=1e-15)
-    assert np.linalg.eigvalsh(config.nonstandard_inertia).min() > 0.0
-
-
 @pytest.mark.parametrize(('given', 'stored'), [
     (None, None), (0.3, [0.3] * 3), ([0.3], [0.3] * 3), ([0.1, 0.2, 0.3], [0.1, 0.2, 0.3]),
     ([0.1, math.inf, 0.3], [0.1, math.inf, 0.3]), ([math.inf] * 3, None), (math.inf, None)])

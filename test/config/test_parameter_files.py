@@ -24,6 +24,7 @@ from manifold_mpc_ros.config.tables import (
     SIMULATOR_PARAMETERS,
 )
 from manifold_mpc_ros.config.yaml_file import read_parameter_file, sections_of
+from manifold_mpc_ros.dynamics.inertia import nonstandard_inertia
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3
 
@@ -68,7 +69,7 @@ def test_the_shipped_spacecraft_is_the_same_in_both() -> None:
     np.testing.assert_array_equal(controller.mpc.inertia_kg_m2, plant.inertia_kg_m2)
     np.testing.assert_array_equal(controller.mpc.max_torque_n_m, plant.max_torque_n_m)
     np.testing.assert_allclose(
-        controller.mpc.rate_weight, controller.mpc.nonstandard_inertia, atol=1e-15)
+        controller.mpc.rate_weight, nonstandard_inertia(plant.inertia_kg_m2), atol=1e-15)
     assert plant.control_period_s == controller.mpc.step_s
     assert plant.state_period_s <= controller.mpc.step_s / 5.0
     assert controller.body_frame_id == plant.body_frame_id

@@ -51,6 +51,9 @@ KINDS: dict[str, dict[str, Any]] = {
     'certified wheels': {**CERTIFIED, 'horizon': 12, 'wheels': WHEELS},
     'certified': {**CERTIFIED, 'horizon': 12},
     'certified paper': {**LIMITS, 'horizon': 12},
+    'graded': {**CERTIFIED, 'step_s': 0.2, 'horizon': 12, 'horizon_s': 3.2},
+    'graded pointing': {**LIMITED, 'target': 'pointing', 'forcing': 'symmetric', 'step_s': 0.2,
+                        'horizon': 9, 'horizon_s': 2.4},
     'pointing': {**LIMITED, 'target': 'pointing', 'forcing': 'symmetric', 'horizon': 6},
     'certified pointing': {**LIMITS, 'target': 'pointing', 'horizon': 9},
 }

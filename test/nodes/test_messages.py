@@ -87,7 +87,7 @@ def test_stamps_survive(stamp_ns: int) -> None:
 
 def test_a_prediction_is_a_curve_on_the_unit_sphere_in_time() -> None:
     attitudes = np.array([so3.exp([0.0, 0.0, 0.1 * k]) for k in range(4)])
-    path = messages.to_path(STAMP_NS, 0.5, attitudes, 'inertial')
+    path = messages.to_path(STAMP_NS, 0.5 * np.arange(len(attitudes)), attitudes, 'inertial')
     assert [messages.nanoseconds(pose.header.stamp) for pose in path.poses] == [
         STAMP_NS + k * 500_000_000 for k in range(4)]
     for pose, R in zip(path.poses, attitudes, strict=True):

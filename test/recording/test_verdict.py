@@ -33,7 +33,7 @@ KEPT: dict[str, Any] = {
     'final_error_deg': 157.1, 'final_rate_rad_s': 0.0401, 'peak_torque_n_m': [0.0, 0.0, 0.3],
     'peak_rate_rad_s': [0.0, 0.0, 0.04], 'violations': 0, 'cone_violation_s': 0.0,
     'solver_time_p99_ms': 0.0815, 'promises_broken': 1, 'infeasible_ticks': 0,
-    'fallback_ticks': 0, 'coast_ticks': 0, 'refused_messages': 2}
+    'hold_ticks': 0, 'fallback_ticks': 0, 'coast_ticks': 0, 'refused_messages': 2}
 # It turns about z, which stays where it is.
 CONE: dict[str, Any] = {'limits': {'max_rate_rad_s': [0.2]}, 'cones': {
     'names': ['z'], 'z': {'axis_B': [0.0, 0.0, 1.0], 'direction_N': [0.0, 0.0, 1.0],
@@ -83,7 +83,8 @@ def test_a_limit_that_is_not_kept_is_named(tmp_path: Path, name: str, broken: An
 @pytest.mark.parametrize(('name', 'values'), [
     ('infeasible_ticks', {'solver_status': 'infeasible'}),
     ('infeasible_ticks', {'solver_status': 'failed'}),
-    ('fallback_ticks', {'mode': 'FALLBACK'}), ('coast_ticks', {'mode': 'COAST'}),
+    ('hold_ticks', {'mode': 'HOLD'}), ('fallback_ticks', {'mode': 'FALLBACK'}),
+    ('coast_ticks', {'mode': 'COAST'}),
 ])
 def test_ticks_are_counted(tmp_path: Path, name: str, values: dict[str, str]) -> None:
     messages = [*run_messages(4), *run_messages(5)[-3:-1], said(5, **values)]
@@ -147,7 +148,7 @@ def test_what_the_bag_does_not_say_is_not_kept(tmp_path: Path) -> None:
     found = judge(read_run(write_bag(tmp_path / 'bag', messages, scenario=scenario)))
     assert found.failed == (
         'peak_torque_n_m', 'solver_time_p99_ms', 'promises_broken', 'infeasible_ticks',
-        'fallback_ticks', 'coast_ticks', 'refused_messages')
+        'hold_ticks', 'fallback_ticks', 'coast_ticks', 'refused_messages')
 
 
 def test_nothing_to_judge_by(tmp_path: Path) -> None:

@@ -21,5 +21,5 @@ def set_defaults(arguments: argparse.Namespace, config: AttitudeMpcConfig) -> No
         arguments.rate_tolerance = min(LARGEST_REST_RAD_S, settled_rate_rad_s(
             config, math.radians(arguments.attitude_tolerance)))
     if arguments.duration is None:
-        longest_s = max(DURATION_S, HORIZONS * config.horizon * config.step_s)
+        longest_s = max(DURATION_S, HORIZONS * config.steps.in_periods * config.step_s)
         arguments.duration = math.ceil(longest_s / config.step_s * (1 - 1e-9)) * config.step_s

@@ -74,7 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
     from manifold_mpc_ros.terminal.problem_of import terminal_design
     path = shared.controller_config_path(arguments.controller_config)
     controller = ControllerConfig.from_yaml(path)
-    config = controller.mpc
+    config = controller.mpc.with_equal_steps
     groups = _groups(arguments, config)
     arguments.output.mkdir(parents=True, exist_ok=True)
     console = report.make_console()

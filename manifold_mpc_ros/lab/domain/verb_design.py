@@ -63,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     from manifold_mpc_ros.cli import console as report
     from manifold_mpc_ros.terminal.problem_of import terminal_design
     path = shared.controller_config_path(arguments.controller_config)
-    config = AttitudeMpcConfig.from_yaml(path)
+    config = AttitudeMpcConfig.from_yaml(path).with_equal_steps
     console = report.make_console()
     console.print(f'Controller: {path}', soft_wrap=True, markup=False)
     with console.status('Designing the terminal set'):

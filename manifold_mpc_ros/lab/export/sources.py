@@ -32,7 +32,8 @@ _STRUCT_DOUBLES = 64
 def exported(config: AttitudeMpcConfig, terminal: TerminalDesign) -> dict[str, str]:
     """Map a configuration and its terminal design to the files of the C controller, by name.
 
-    Raises ConfigurationError for what the C controller does not have yet: cones and wheels.
+    Raises ConfigurationError for what the C controller does not have yet: cones, wheels and
+    steps that grow.
     """
     if config.cones:
         raise ConfigurationError('cones.names', [cone.name for cone in config.cones],
@@ -40,6 +41,9 @@ def exported(config: AttitudeMpcConfig, terminal: TerminalDesign) -> dict[str, s
     if config.wheels is not None:
         raise ConfigurationError('actuators.kind', 'wheels',
                                  "'torque': the C controller commands body torques")
+    if config.horizon_s:
+        raise ConfigurationError('mpc.horizon_s', config.horizon_s,
+                                 '0: the C controller has equal steps')
     structure = structure_of(config, disturbed=True)
     layout = layout_of(structure)
     rows = {f'{memory.name}_ROWS': str(layout.rows(memory)) for memory in Memory}

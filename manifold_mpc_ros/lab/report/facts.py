@@ -49,6 +49,7 @@ def _controller(config: AttitudeMpcConfig) -> Iterator[tuple[str, str]]:
     yield 'limits', ', '.join((_limit(config.max_torque_n_m, 'N m'),
                                _limit(config.max_rate_rad_s, 'rad/s')))
     yield 'controller', (f'{config.target}, N = {config.horizon}, step {config.step_s:g} s, '
+                         + (f'{config.horizon_s:g} s ahead, ' if config.horizon_s else '')
                          + ('with' if config.terminal_constraint else 'without')
                          + ' terminal set')
 

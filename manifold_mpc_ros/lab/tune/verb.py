@@ -135,8 +135,8 @@ def _rows(best: Trial, hardest: Outcome, accuracy: float, times_s: np.ndarray
     return [
         ('half turn', f'{half_turn:.4g} s, bang-bang about the slowest axis'),
         ('step', f'{config.step_s:g} s, {half_turn / config.step_s:.0f} steps a half turn'),
-        ('horizon', f'{config.horizon} steps = {config.horizon * config.step_s:.4g} s, '
-         f'{config.horizon * config.step_s / half_turn:.3g} half turns'),
+        ('horizon', f'{config.horizon} steps = {config.steps.times_s[-1]:.4g} s, '
+         f'{config.steps.times_s[-1] / half_turn:.3g} half turns'),
         ('torque weight', 'full torque costs what an error of '
          f'{np.degrees(weights.torque_angle_rad):.3g} deg does'),
         ('rate weight', f'(damping {weights.damping:g} x half turn)^2'),
@@ -199,7 +199,7 @@ def _verdict(console: Console, best: Trial, hardest: Outcome, times_s: np.ndarra
     if not np.isfinite(hardest.settled_s):
         wrong.append('a slew did not settle: a shorter --step, a larger --accuracy')
     if np.percentile(times_s, 99) > SOLVE_PART * config.step_s:
-        wrong.append('solves take more than half the period: a longer --step')
+        wrong.append('solves take more than half the period: a longer --step, or mpc.horizon_s')
     for line in wrong:
         console.print(f'NOT good enough: {line}')
     return int(bool(wrong))

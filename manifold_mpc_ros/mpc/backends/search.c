@@ -123,14 +123,16 @@ static void flip(solve *s)
         s->g[START + i] *= -1.0;
 }
 
-/* Begin a cold start of a slew of so many steps. */
+/* Begin a cold start of a slew of so many periods. */
 static void begin_start(solve *s, const double *from, double steps)
 {
     double held = fmax((double)LEAN_STEPS, rint(LEAN_PART * steps));
-    double most = fmax(1.0, fmin(held, (double)(s->horizon / 2)));
+    long most = 0;
+    for (double time = 0.0; most < s->horizon / 2 && time < held; ++most)
+        time += s->model[AT(MODEL_ROWS, INNER, most)];
     if (from[3] != 0.0)
         flip(s);
-    begin_slew(s, COLD_BARRIER, from, (long)most);
+    begin_slew(s, COLD_BARRIER, from, most > 1 ? most : 1);
     if (from[3] != 0.0)
         flip(s);
 }

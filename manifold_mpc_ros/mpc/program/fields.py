@@ -22,7 +22,8 @@ FREE = Field('free', 4, _PLAN)
 STEP = Field('step', 4, _PLAN)
 TORQUE = Field('torque', 3, _PLAN)
 
-# Model of one pass. ``inner`` is 1 for k < N and 0 at N, ``later`` 1 for k > 0 and 0 at 0.
+# Model of one pass. ``inner`` is the length of step k in periods (1 but for graded horizons) for
+# k < N and 0 at N, ``later`` 1 for k > 0 and 0 at 0.
 INNER, LATER = Field('inner', 1, _MODEL), Field('later', 1, _MODEL)
 PULL = Field('pull', 3, _MODEL)            # torque gradient of the barrier model
 FORCE = Field('force', 3, _MODEL)          # torque gradient of the Lagrangian

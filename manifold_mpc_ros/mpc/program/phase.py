@@ -23,13 +23,15 @@ class Structure(NamedTuple):
     Forcing, target, and which inequalities there are:
     ``rows`` has (name, number of values) of each inequality that the problem has, in the order of
     the table :data:`manifold_mpc_ros.mpc.stages.inequalities.KINDS`. ``moving``: costs are about a
-    reference that moves over the horizon.
+    reference that moves over the horizon. ``graded``: steps have lengths of their own
+    (:mod:`manifold_mpc_ros.mpc.stages.graded`).
     """
 
     symmetric: bool
     pointing: bool
     rows: tuple[tuple[str, int], ...] = ()
     moving: bool = False
+    graded: bool = False
 
 
 class Memory(Enum):

@@ -36,14 +36,15 @@ def structure_of(config: AttitudeMpcConfig, *, disturbed: bool = False,
     kinds = [DISTURBED.get(kind, kind) for kind in KINDS] if disturbed else KINDS
     rows = ((kind.name, kind.rows_in(config)) for kind in kinds)
     return Structure(config.forcing == 'symmetric', config.target == 'pointing',
-                     tuple((name, count) for name, count in rows if count), moving)
+                     tuple((name, count) for name, count in rows if count), moving,
+                     config.horizon_s > 0.0)
 
 
 @cache
 def inequalities_of(structure: Structure) -> tuple[Inequality, ...]:
     """Return the inequalities of a structure."""
     kinds = {kind.name: kind for kind in (*KINDS, *DISTURBED.values())}
-    return tuple(kinds[name](rows) for name, rows in structure.rows)
+    return tuple(kinds[name](rows, structure.graded) for name, rows in structure.rows)
 
 
 def torque_inequalities(structure: Structure) -> tuple[TorqueInequality, ...]:

@@ -25,6 +25,7 @@ from manifold_mpc_ros.mpc.program import fields as f
 from manifold_mpc_ros.mpc.program.phase import Field, Memory, Read
 from manifold_mpc_ros.mpc.scaling import Scaling
 from manifold_mpc_ros.mpc.stages import barrier
+from manifold_mpc_ros.mpc.stages import step_derivatives as form
 from manifold_mpc_ros.mpc.stages.barrier import Bounds
 
 # A limit of "none" on one axis when the other axes have one: far outside anything reachable.
@@ -40,9 +41,9 @@ class Inequality(ABC):
     #: Cost of one unit of violation, in units of tr(Qg)/3; None: never violated.
     penalty: ClassVar[float | None] = None
 
-    def __init__(self, rows: int) -> None:
+    def __init__(self, rows: int, graded: bool = False) -> None:
         """Make the fields for so many values."""
-        self.rows = rows
+        self.rows, self._graded = rows, graded
         self.slack = Field(f'{self.name}_slack', rows, Memory.TRAJECTORY)
         self.multiplier = Field(f'{self.name}_multiplier', rows, Memory.TRAJECTORY)
         self.elastic = Field(f'{self.name}_elastic', rows, Memory.TRAJECTORY)
@@ -107,7 +108,8 @@ class TorqueInequality(Inequality):
         mu, y = read(f.BARRIER), -self.values(read, u)
         s = mu / y
         if warm:
-            kept = ca.fmax(read(self.multiplier, 1), mu / y / _WARM_SPREAD)
+            kept = ca.fmax(form.one_period_on(self._graded, read, self.multiplier),
+                           mu / y / _WARM_SPREAD)
             s = ca.if_else(read(f.INNER, 1) != 0, kept, s)
         return {self.slack: y, self.multiplier: s}
 
@@ -187,8 +189,8 @@ class NodeInequality(Inequality):
         mu = read(f.BARRIER)
         y, t, s = barrier.elastic_start(self.values(read, node), mu, self.penalty)
         if warm:
-            kept = ca.fmin(ca.fmax(read(self.multiplier, 1), mu / y / _WARM_SPREAD),
-                           barrier.LARGEST_START_MULTIPLIER)
+            kept = ca.fmin(ca.fmax(form.one_period_on(self._graded, read, self.multiplier),
+                                   mu / y / _WARM_SPREAD), barrier.LARGEST_START_MULTIPLIER)
             s = ca.if_else(read(f.INNER) != 0, kept, s)
         return {self.slack: y, self.elastic: t, self.multiplier: s}
 

@@ -81,17 +81,22 @@ def slew_torque(structure: Structure, q: ca.SX, omega: ca.SX, p: Parameters, rea
             error = ca.if_else(ca.dot(lean, lean) > 0, aside, error)
     length = ca.sqrt(ca.dot(error, error) + 1e-30)
     axis = error / length
-    cap = ca.fmin(_FREE_RATE, _GUARD_FRACTION * p.guard / ca.norm_2(p.inertia @ axis))
+    r = form.periods(structure, read)
+    cap = ca.fmin(_FREE_RATE, _GUARD_FRACTION * p.guard / ca.norm_2(p.inertia @ axis)) / r
     if max_torque is not None:
         effort = p.inertia @ axis / max_torque
         braking = 1 / ca.sqrt(ca.dot(effort, effort))
         cap = ca.fmin(cap, ca.sqrt(2 * _BRAKING_FRACTION * braking * length))
     for each in rate_inequalities(structure):
         cap = ca.fmin(cap, _RATE_FRACTION * each.largest_rate(read, axis))
+    if structure.graded:  # a long step does not pass the target
+        cap = ca.fmin(cap, length / 2 / r)
     wanted = by_angle @ error
     natural = solve_3x3(by_rate, wanted)
     shrink = ca.fmin(1, cap / ca.sqrt(ca.dot(natural, natural) + 1e-30))
     torque = shrink * wanted + by_rate @ omega
+    if structure.graded:  # what the law asks for at the end of the step
+        torque = solve_3x3(ca.SX.eye(3) - r * by_rate @ p.inertia_inverse, torque)
     if max_torque is not None:
         torque = ca.if_else(
             ca.dot(lean, lean) > 0,
@@ -128,17 +133,20 @@ def _reached(read: Read, p: Parameters, guess: ca.SX | None = None) -> _Node:
     return _Node(node[0:4], node[4:7], *implicit_step(node[4:7], p, guess))
 
 
-def _advanced(structure: Structure, node: _Node, u: ca.SX, p: Parameters,
+def _advanced(structure: Structure, node: _Node, u: ca.SX, p: Parameters, read: Read,
               guess: ca.SX | None = None) -> dict[Field, ca.SX]:
     """Return what a roll-out writes at a node for the torque u, and where the step leads."""
-    step, sound, impulse = node.free, node.sound, u
+    step, sound = node.free, node.sound
     writes = {f.ATTITUDE: node.attitude, f.MOMENTUM: node.momentum, f.FREE: node.free,
               f.TORQUE: u}
     if structure.symmetric:
-        step, also = implicit_step(node.momentum + u / 2, p, guess)
-        sound, impulse = ca.fmin(sound, also), u / 2
+        r = form.periods(structure, read)
+        step, also = implicit_step(r * (node.momentum + r * u / 2), p, guess)
+        sound, impulse = ca.fmin(sound, also), r * u / 2
         writes[f.STEP] = step
-    after = form.momenta(step, p.inertia)[1] + impulse
+        after = form.momenta(step, p.inertia)[1] / r + impulse
+    else:
+        after = form.momenta(step, p.inertia)[1] + u
     return writes | {f.SOUND_NODE: sound, f.CHAIN: ca.vertcat(
         quaternion_product(node.attitude, step), after)}
 
@@ -164,7 +172,7 @@ def slew_phase(structure: Structure) -> Phase:
         omega = excess_rate(structure, read, node.attitude, omega)
         u = own_torque(structure, read, slew_torque(structure, q, omega, p, read))
         u = _inside(structure, u, _cold_margin(read(f.BARRIER)), read)
-        return _advanced(structure, node, u, p)
+        return _advanced(structure, node, u, p, read)
 
     return phase('roll_slew', expression, order=Order.FORWARD, beyond=1)
 
@@ -175,13 +183,15 @@ def shift_phase(structure: Structure) -> Phase:
     Its torques on a limit get the slack that the central path of mu gives their multipliers.
     """
     def expression(read: Read) -> dict[Field, ca.SX]:
-        p, u = unpack(read(f.PARAMETER)), read(f.TORQUE, 1)
-        node = _reached(read, p, read(f.FREE, 1))
+        p, u = unpack(read(f.PARAMETER)), form.one_period_on(structure.graded, read, f.TORQUE)
+        node = _reached(read, p, form.one_period_on(structure.graded, read, f.FREE))
         for each in torque_inequalities(structure):
             u = each.inside(read, u, ca.fmin(
-                _LARGEST_MARGIN, read(f.BARRIER) / read(each.multiplier, 1)))
-        guess = read(f.STEP, 1) if structure.symmetric else None
-        return _advanced(structure, node, u, p, guess)
+                _LARGEST_MARGIN, read(f.BARRIER) / form.one_period_on(
+                    structure.graded, read, each.multiplier)))
+        guess = (form.step_one_period_on(structure.graded, read, f.STEP) if structure.symmetric
+                 else None)
+        return _advanced(structure, node, u, p, read, guess)
 
     return phase('roll_shift', expression, order=Order.FORWARD, beyond=-1)
 
@@ -194,8 +204,11 @@ def local_phase(structure: Structure) -> Phase:
         xi = coordinates(*errors(structure, read, node.attitude, node.free),
                          structure.pointing, p)
         u = own_torque(structure, read, p.terminal_gain @ xi)
+        if structure.graded:
+            r = form.periods(structure, read)
+            u = ((r - 1) * read(f.TORQUE) + u) / r  # one period of the local law
         u = _inside(structure, u, _cold_margin(read(f.BARRIER)), read)
-        return _advanced(structure, node, u, p)
+        return _advanced(structure, node, u, p, read)
 
     return phase('roll_local', expression, order=Order.FORWARD, beyond=1, last=2)
 
@@ -227,8 +240,8 @@ def _stage_phase(structure: Structure, name: str, *, warm: bool) -> Phase:
     """Put the barrier variables of a stage's torque limits near the central path of mu."""
     def expression(read: Read) -> dict[Field, ca.SX]:
         p, u = unpack(read(f.PARAMETER)), read.new(f.TORQUE)
-        writes = {f.COST_STAGE: merit.torque_cost(excess_torque(structure, read, u), p),
-                  f.SOUND_STAGE: ca.SX(1)}
+        writes = {f.COST_STAGE: form.periods(structure, read) * merit.torque_cost(
+            excess_torque(structure, read, u), p), f.SOUND_STAGE: ca.SX(1)}
         limits = torque_inequalities(structure)
         for each in limits:
             writes |= each.begin(read, u, warm=warm)

@@ -67,7 +67,8 @@ def chain_phase(structure: Structure) -> Phase:
         node = ca.if_else(read(f.LATER) != 0, read(f.CHAIN), read(f.START))
         q, momentum = node[0:4], node[4:7]
         if structure.symmetric:
-            after = read(f.MOMENTUM_AFTER) + read(f.MOMENTUM_BEFORE) - momentum
+            passed = read(f.MOMENTUM_AFTER) + read(f.MOMENTUM_BEFORE)
+            after = passed / form.periods(structure, read) - momentum
             return {f.ATTITUDE: q, f.MOMENTUM: momentum, f.CHAIN: ca.vertcat(
                 quaternion_product(q, read.new(f.STEP)), after)}
         return {f.ATTITUDE: q, f.CHAIN: ca.vertcat(
@@ -110,12 +111,12 @@ def stage_phase(structure: Structure) -> Phase:
     ``y_new > (1 - BOUNDARY) / 2 y``.
     """
     def expression(read: Read) -> dict[Field, ca.SX]:
-        p = unpack(read(f.PARAMETER))
+        p, r = unpack(read(f.PARAMETER)), form.periods(structure, read)
         if structure.symmetric:
-            u = 2 * (read(f.MOMENTUM_AFTER) - read.new(f.MOMENTUM))
+            u = 2 * (read(f.MOMENTUM_AFTER) / r - read.new(f.MOMENTUM)) / r
         else:
             u = read.new(f.MOMENTUM, 1) - read(f.MOMENTUM_BEFORE)
-        cost = merit.torque_cost(excess_torque(structure, read, u), p)
+        cost = r * merit.torque_cost(excess_torque(structure, read, u), p)
         writes = {f.TORQUE: u, f.COST_STAGE: cost,
                   f.SOUND_STAGE: read(f.SOUND_STEP, 0 if structure.symmetric else 1)}
         limits = torque_inequalities(structure)

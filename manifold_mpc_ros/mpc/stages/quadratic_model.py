@@ -67,7 +67,8 @@ def force_phase(structure: Structure) -> Phase:
     """
     def expression(read: Read) -> dict[Field, ca.SX]:
         p = unpack(read(f.PARAMETER))
-        force = p.torque_hessian @ excess_torque(structure, read, read(f.TORQUE))
+        force = form.periods(structure, read) * (
+            p.torque_hessian @ excess_torque(structure, read, read(f.TORQUE)))
         writes = {f.PULL: force, f.FORCE: force, f.FORCE_SIZE: largest(force)}
         limits = torque_inequalities(structure)
         if limits:
@@ -245,17 +246,20 @@ def symmetric_transition_phase(structure: Structure) -> Phase:
         g = rotation_from_quaternion(read(f.ATTITUDE))
         turn = rotation_from_quaternion(read(f.STEP))
         after = form.momentum_derivative(turn, p.inertia)
-        before = form.derivative_before(turn, after, read(f.MOMENTUM) + read(f.TORQUE) / 2) @ g.T
-        after = after @ g.T
+        r = form.periods(structure, read)
+        pushed = r * (read(f.MOMENTUM) + r * read(f.TORQUE) / 2)
+        before = form.derivative_before(turn, after, pushed) @ g.T / r
+        after = after @ g.T / r
         costate, force = read(f.MOMENTUM_COSTATE), read(f.FORCE)
-        lagrangian = turn @ form.multiplier_matrix(2 * force + costate, -costate, p.inertia)
-        weight = p.torque_hessian
+        lagrangian = turn @ form.multiplier_matrix(
+            (2 * force / r + costate) / r, -costate / r, p.inertia)
+        weight = r * p.torque_hessian
         if torque_inequalities(structure):
             weight = weight + ca.diag(read(f.TORQUE_WEIGHT))
-        by_control = 2 * after
+        by_control = 2 * after / r
         weighted = weight @ by_control
         curved = form.congruence(g.T, exact * form.left_hessian(lagrangian) @ g.T)
-        passed, cross = after + before, -2 * weighted.T
+        passed, cross = after + before, -2 * weighted.T / r
         control = form.congruence(by_control, weighted) + curved
         writes = {f.AFTER: ca.vec(after), f.PASSED: ca.vec(passed),
                   f.CONTROL_GRADIENT: by_control.T @ read(f.PULL),
@@ -287,7 +291,8 @@ def costate_phase(structure: Structure) -> Phase:
         if structure.symmetric:
             momentum = read(f.MOMENTUM_SUM)
             writes |= {f.MOMENTUM_COSTATE: momentum,
-                       f.MOMENTUM_SUM: read(f.MOVE_FORCE) - 2 * read(f.FORCE) - momentum}
+                       f.MOMENTUM_SUM: read(f.MOVE_FORCE) - 2 * read(f.FORCE) / form.periods(
+                           structure, read) - momentum}
         return writes
 
     return phase('costate', expression, order=Order.BACKWARD)

@@ -73,7 +73,7 @@ def _paper_model(v: _Value, read: Read) -> _Model:
 
 def _symmetric_model(v: _Value, structure: Structure, read: Read) -> _Model:
     """Return the model with theta' = theta + v, sigma' = E v - sigma."""
-    weight = _torque_weight(structure, read)
+    r, weight = form.periods(structure, read), _torque_weight(structure, read)
     passed = ca.reshape(read(f.PASSED), 3, 3)
     cross = ca.reshape(read(f.CROSS), 3, 3)
     coupling = -read(f.EXACT) * hat(read(f.TURN_COSTATE)) / 2
@@ -84,9 +84,9 @@ def _symmetric_model(v: _Value, structure: Structure, read: Read) -> _Model:
     by_control = v.by_turn + passed.T @ v.by_move + read(f.CONTROL_GRADIENT)
     rest = _Value(
         v.by_turn + read(f.TURN_GRADIENT),
-        read(f.MOVE_GRADIENT) - v.by_move - 2 * read(f.PULL),
+        read(f.MOVE_GRADIENT) - v.by_move - 2 * read(f.PULL) / r,
         v.turn + form.symmetric_from(read(f.TURN_HESSIAN)), -v.mixed,
-        v.move + form.symmetric_from(read(f.MOVE_HESSIAN)) + 4 * weight)
+        v.move + form.symmetric_from(read(f.MOVE_HESSIAN)) + 4 * weight / (r * r))
     control_turn, control_move = (v.turn + moved + coupling).T, cross - v.mixed - carried.T
     if wheel_inequalities(structure):
         control_turn += ca.reshape(read(CONTROL_TURN), 3, 3)
@@ -175,7 +175,7 @@ def riccati_phase(structure: Structure) -> Phase:
 
 def _torque_weight(structure: Structure, read: Read) -> ca.SX:
     """Return the Hessian (3, 3) of a stage's torque, barrier included."""
-    weight = unpack(read(f.PARAMETER)).torque_hessian
+    weight = form.periods(structure, read) * unpack(read(f.PARAMETER)).torque_hessian
     limited = torque_inequalities(structure)
     return weight + ca.diag(read(f.TORQUE_WEIGHT)) if limited else weight
 
@@ -208,7 +208,8 @@ def reach_phase(structure: Structure) -> Phase:
     def expression(read: Read) -> dict[Field, ca.SX]:
         if structure.symmetric:
             after = ca.reshape(read(f.AFTER), 3, 3)
-            change = 2 * (after @ read(f.CONTROL) - read(f.MOVE))
+            r = form.periods(structure, read)
+            change = 2 * (after @ read(f.CONTROL) - read(f.MOVE)) / r
         else:
             after, before = ca.reshape(read(f.AFTER, 1), 3, 3), ca.reshape(read(f.BEFORE), 3, 3)
             change = after @ read(f.CONTROL) - before @ read(f.MOVE)

@@ -9,6 +9,14 @@ With the nonstandard inertia J_d the momenta at both ends of a step are linear i
 so for multipliers s+, s- the Lagrangian ``tr(Q (I - f)) + s+ . m+ - s- . m-`` is ``-tr(Z f)`` plus
 a constant, with ``Z = Q + J_d s+^x - s-^x J_d``, and its second derivatives come from one matrix
 product. Variations are from the left, ``f -> exp(beta) f``, beta in the body axes before the step.
+
+Graded horizons: step k lasts r_k control periods, r_0 = 1 (docs/theory.md, section 17). With a
+period as the unit of time and symmetric forcing
+
+    m+ = r (Pi_k + r u_k / 2),    u_k = 2 (m+ / r - Pi_k) / r,    Pi_{k+1} = (m+ + m-) / r - Pi_k,
+
+and the stage cost counts r times. The free step of a node, of cost and terminal set, stays that of
+one period. r_k is the field ``INNER`` of stage k; 1 at the last node, which has no step.
 """
 
 from __future__ import annotations
@@ -16,6 +24,8 @@ from __future__ import annotations
 import casadi as ca
 
 from manifold_mpc_ros.lie.symbolic import hat, rotation_from_quaternion, trace_hessian
+from manifold_mpc_ros.mpc.program import fields as f
+from manifold_mpc_ros.mpc.program.phase import Field, Read, Structure
 
 
 def symmetric_from(entries: ca.SX) -> ca.SX:
@@ -80,3 +90,32 @@ def congruence(a: ca.SX, weighted: ca.SX) -> ca.SX:
 def left_hessian(s: ca.SX) -> ca.SX:
     """Map ``S = f Z`` to the Hessian of ``-tr(Z exp(beta) f)`` at 0, ``tr(S) I - sym(S)``."""
     return trace_hessian(symmetric_part(s))
+
+
+def periods(structure: Structure, read: Read) -> ca.SX | float:
+    """Return r of stage k, the number 1 where all steps are one period."""
+    return _periods(read) if structure.graded else 1.0
+
+
+def _periods(read: Read, shift: int = 0) -> ca.SX:
+    return ca.fmax(read(f.INNER, shift), 1)
+
+
+def one_period_on(graded: bool, read: Read, field: Field) -> ca.SX:
+    """Return a field of stage k as an old plan has it one period later.
+
+    Step k, moved on by a period, covers r - 1 periods of the old step k and one of the next:
+    ``((r - 1) x_k + x_{k+1}) / r``. Convex, so torques stay within their limits.
+    """
+    if not graded:
+        return read(field, 1)
+    r = _periods(read)
+    return ((r - 1) * read(field) + read(field, 1)) / r
+
+
+def step_one_period_on(graded: bool, read: Read, field: Field) -> ca.SX:
+    """Return about the quaternion of step k one period later: the next one, of this length."""
+    q = read(field, 1)
+    if not graded:
+        return q
+    return ca.vertcat(q[0], q[1:4] * _periods(read) / _periods(read, 1))

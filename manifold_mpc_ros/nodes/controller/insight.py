@@ -53,5 +53,5 @@ class Insight:
             pointing = config.mpc.target == 'pointing'
             axis_B = config.mpc.pointing_axis_B if pointing else np.eye(3)[0]
             self._prediction.publish(messages.to_path(
-                command.stamp_ns, config.mpc.step_s, command.solution.R_NB,
+                command.stamp_ns, config.mpc.steps.times_s, command.solution.R_NB,
                 config.inertial_frame_id, axis_B))

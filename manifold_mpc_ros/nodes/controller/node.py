@@ -158,7 +158,8 @@ class AttitudeControllerNode(ManagedNode):
             status.values['state_age_s'] = max(0, self._now_ns() - latest.stamp_ns) / NANOSECONDS
             kinds = self._kinds
             status.values.update(infeasible_ticks=kinds['infeasible'] + kinds['failed'],
-                                 fallback_ticks=kinds['FALLBACK'], coast_ticks=kinds['COAST'])
+                                 hold_ticks=kinds['HOLD'], fallback_ticks=kinds['FALLBACK'],
+                                 coast_ticks=kinds['COAST'])
         return status
 
     def make_solver(

@@ -88,7 +88,7 @@ class SetpointInputs:
             message.header.frame_id, messages.nanoseconds(message.header.stamp),
             messages.quaternion_values(message.pose.pose.orientation),
             messages.vector_values(message.twist.twist.angular), self._against(),
-            valid_s=self._config.reference_timeout_s, seen_s=mpc.horizon * mpc.step_s)
+            valid_s=self._config.reference_timeout_s, seen_s=mpc.steps.in_periods * mpc.step_s)
 
     def _trajectory(self, message: MultiDOFJointTrajectory) -> Target | Refusal:
         """Return a trajectory of one body; rates and accelerations are in its own axes."""

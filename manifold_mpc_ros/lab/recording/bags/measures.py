@@ -98,14 +98,9 @@ def infeasible(run: BagRun) -> int:
     return sum(status in ('infeasible', 'failed') for status in run.ticks.solver_status)
 
 
-def in_fallback(run: BagRun) -> int:
-    """Return the number of ticks in mode FALLBACK."""
-    return run.ticks.mode.count('FALLBACK')
-
-
-def in_coast(run: BagRun) -> int:
-    """Return the number of ticks in mode COAST."""
-    return run.ticks.mode.count('COAST')
+def in_mode(mode: str, run: BagRun) -> int:
+    """Return the number of ticks in a mode."""
+    return run.ticks.mode.count(mode)
 
 
 def unknown_ticks(run: BagRun) -> int:

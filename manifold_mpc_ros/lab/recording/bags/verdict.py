@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -19,8 +20,9 @@ from manifold_mpc_ros.lie.arrays import Array
 #: The judgement that every run gets, beside those that its scenario asks for.
 RECORDING = 'recording'
 #: Counted tick by tick: the limit's name, and what is counted.
-_TICKS = {'infeasible_ticks': measures.infeasible, 'fallback_ticks': measures.in_fallback,
-          'coast_ticks': measures.in_coast}
+_TICKS = {'infeasible_ticks': measures.infeasible} | {
+    f'{mode.lower()}_ticks': partial(measures.in_mode, mode)
+    for mode in ('HOLD', 'FALLBACK', 'COAST')}
 #: Totals that the controller gives itself.
 _TOTALS = ('promises_broken',)
 #: Simulated time that the last state may be short of the end [s].

@@ -103,8 +103,8 @@ ACCEPTANCE_KEYS = (
                   high=2**31 - 1),
     ParameterSpec('infeasible_ticks', 'int', 0, 'plans that are infeasible or failed', low=0,
                   high=2**31 - 1),
-    ParameterSpec('fallback_ticks', 'int', 0, 'ticks in mode FALLBACK', low=0, high=2**31 - 1),
-    ParameterSpec('coast_ticks', 'int', 0, 'ticks in mode COAST', low=0, high=2**31 - 1),
+    *(ParameterSpec(f'{mode.lower()}_ticks', 'int', 0, f'ticks in mode {mode}', low=0,
+                    high=2**31 - 1) for mode in ('HOLD', 'FALLBACK', 'COAST')),
     ParameterSpec('refused_messages', 'int', 0, 'messages that the controller refused', low=0,
                   high=2**31 - 1),
 )

@@ -121,6 +121,7 @@ class AcceptanceLimits:
     solver_time_p99_ms: float | None = None
     promises_broken: int | None = None
     infeasible_ticks: int | None = None
+    hold_ticks: int | None = None
     fallback_ticks: int | None = None
     coast_ticks: int | None = None
     refused_messages: int | None = None
