@@ -27,7 +27,7 @@ from manifold_mpc_ros.mpc.program.options import VIAS
 from manifold_mpc_ros.mpc.program.phase import Field, Memory, Structure
 from manifold_mpc_ros.mpc.reports import Progress, Report, StateReport
 from manifold_mpc_ros.mpc.scaling import TERMINAL_LEVEL, Scaling, scaling_of
-from manifold_mpc_ros.mpc.search import guard_squared, quickest_rad_s2, starts
+from manifold_mpc_ros.mpc.search import guard_squared, linear_rad, quickest_rad_s2, starts
 from manifold_mpc_ros.mpc.stages.inequalities import (
     cone_inequalities,
     inequalities_of,
@@ -76,7 +76,8 @@ class CompiledMpc:
             answer=self._answer.ctypes.data, ways=self._ways.ctypes.data,
             time_s=unit.time_s, torque_n_m=unit.torque_n_m, rate_rad_s=unit.rate_rad_s,
             cost=unit.cost, step_s=config.step_s,
-            quickest=quickest_rad_s2(config), guard_squared=guard_squared(config),
+            quickest=quickest_rad_s2(config), linear_rad=linear_rad(config),
+            guard_squared=guard_squared(config),
             level=numbers[f.PARAMETER][TERMINAL_LEVEL], allowed=1, inside=1)
         self._address = ctypes.byref(self._controller)
         library.prepare(self._address)

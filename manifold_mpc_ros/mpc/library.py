@@ -38,7 +38,8 @@ class Controller(ctypes.Structure):
 
     _fields_ = _fields(
         (Solve, 'solve'), (Kept, 'kept best other'), (_POINTER, 'starts answer reported ways'),
-        (_DOUBLE, 'time_s torque_n_m rate_rad_s cost step_s quickest guard_squared level'),
+        (_DOUBLE, 'time_s torque_n_m rate_rad_s cost step_s quickest linear_rad '
+         'guard_squared level'),
         (_DOUBLE * 3, 'disturbance_n_m'), (_DOUBLE, 'value_bound deadline_s local_s'),
         (_INTEGER, 'start_count allowed warm inside violating passes searched'))
 

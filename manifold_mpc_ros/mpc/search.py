@@ -3,7 +3,7 @@
 """What the deterministic global search of a configuration begins with (backends/search.c).
 
 Starts: the short way, the long way, and (with a torque limit) all eight octants of first
-torque; on horizons of many steps also full torque about one axis, and octants the long way
+torque; on horizons of many steps also full torque about one axis or two, and octants the long way
 round. A planar slew is a stationary point that is up to 37 % worse than the best known plan
 (test_global.py), and no descent method leaves it; the octants do.
 """
@@ -37,7 +37,9 @@ def starts(config: AttitudeMpcConfig) -> Array:
             (*lean.tolist(), 0.0) for lean in (first, -first, second, -second)]
     elif attitude and config.horizon > MANY_STEPS:
         axes = [(*lean, 0.0) for lean in np.vstack([np.eye(3), -np.eye(3)]).tolist()]
-        leans = [*leans, *axes, *((*lean[:3], 1.0) for lean in leans)]
+        pairs = [(*lean, 0.0) for lean in itertools.product((1.0, 0.0, -1.0), repeat=3)
+                 if lean.count(0.0) == 1]
+        leans = [*leans, *axes, *((*lean[:3], 1.0) for lean in leans), *pairs]
     return np.array([short, *([long_way] if attitude else []), *leans])
 
 
@@ -46,6 +48,18 @@ def quickest_rad_s2(config: AttitudeMpcConfig) -> float:
     if config.max_torque_n_m is None:
         return 0.0
     return float(np.max(config.max_torque_n_m / np.diag(config.inertia_kg_m2)))
+
+
+def linear_rad(config: AttitudeMpcConfig) -> float:
+    """Return the least angle a that costs what full torque about a body axis does.
+
+    ``tr(Q) / 3 a^2 = H_ii max_torque_i^2 / 2``, H = tr(R) I - R; inf without torque limits.
+    """
+    if config.max_torque_n_m is None:
+        return np.inf
+    weights = np.trace(config.torque_weight) - np.diag(config.torque_weight)
+    cost = weights * config.max_torque_n_m ** 2 / 2.0
+    return float(np.sqrt(cost.min() / scaling_of(config).cost))
 
 
 def guard_squared(config: AttitudeMpcConfig) -> float:

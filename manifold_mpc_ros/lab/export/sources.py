@@ -121,6 +121,7 @@ def _data(config: AttitudeMpcConfig, terminal: TerminalDesign, numbers: dict[Fie
         'HORIZON': str(config.horizon), 'STEP_S': number(config.step_s),
         'UNITS': _braces([unit.time_s, unit.torque_n_m, unit.rate_rad_s, unit.cost]),
         'QUICKEST_RAD_S2': number(search.quickest_rad_s2(config)),
+        'LINEAR_RAD': number(search.linear_rad(config)),
         'GUARD_SQUARED': number(search.guard_squared(config)),
         'TERMINAL_LEVEL': number(terminal.c), 'STARTS': f'{{{starts}}}',
         **({} if limit is None else {'MAX_TORQUE_N_M': _braces(limit)}),

@@ -25,7 +25,7 @@ typedef struct controller {
     const double *reported;     /* the plan that the report in g is of */
     double *ways;               /* (VIAS, 2): ways round cones, what they violate and their length */
     double time_s, torque_n_m, rate_rad_s, cost;    /* units */
-    double step_s, quickest, guard_squared, level;
+    double step_s, quickest, linear_rad, guard_squared, level;
     double disturbance_n_m[3];
     double value_bound, deadline_s, local_s;
     /* allowed: the terminal set exists. warm: there is a plan to begin from. inside: the last plan
@@ -89,9 +89,10 @@ static double slew_steps(const controller *c)
     return 2.0 * sqrt((state[2] + state[3]) * state[5] / c->quickest) / c->step_s;
 }
 
+/* How many components of torque a start leans to. */
 static int leans(const double *from)
 {
-    return from[0] != 0.0 || from[1] != 0.0 || from[2] != 0.0;
+    return (from[0] != 0.0) + (from[1] != 0.0) + (from[2] != 0.0);
 }
 
 /* Whether a start can lead to the best plan from a state. The short way always can; the long way
@@ -99,8 +100,9 @@ static int leans(const double *from)
  * a single component, so that the other two can help, the more so the weaker that component is
  * against what they can do; anywhere beside the half turn for a body that is much quicker about
  * another axis; and in any long turn whose slew is all but one component, or whose horizon has so
- * many steps that the plan can shape it; the long way round where that is little longer. Found by
- * comparison with all starts (docs/solver.md), not proved. */
+ * many steps that the plan can shape it; the long way round where that is little longer; with two
+ * components where the slew itself has many steps. Found by comparison with all starts
+ * (docs/solver.md), not proved. */
 static int is_due(const controller *c, const double *from)
 {
     const double *state = c->s.g + STATE_REPORT;
@@ -111,9 +113,12 @@ static int is_due(const controller *c, const double *from)
         return turn > LEAN_LONG_RAD;
     if (POINTING)
         return turn > POINTING_RAD;
+    if (leans(from) == 2 && slew_steps(c) <= LONG_SLEW_STEPS)
+        return 0;
     double beside = PI - turn;
     return (second < 0.25 && beside < 0.05 + 0.17 * (weakness - 1.0))
         || (turn > LEAN_RAD && (second < ALONE || c->s.horizon > MANY_STEPS))
+        || (second < ALONE && turn > FAR_TURN * c->linear_rad)
         || (beside < 0.035 && weakness > 2.0);
 }
 

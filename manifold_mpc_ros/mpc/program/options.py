@@ -68,6 +68,11 @@ LEAN_RAD = math.radians(80.0)
 ALONE = 0.1
 MANY_STEPS = 25
 LEAN_LONG_RAD = math.radians(150.0)
+# ... and a slew that is all but one component leans above so many times the angle that costs what
+# full torque does: nearly time-optimal, which is when another axis gains time.
+FAR_TURN = 40.0
+# A bang-bang slew of more steps than this is tried with leans of two components as well.
+LONG_SLEW_STEPS = 20.0
 # Plans whose costs agree to this are equal; the rule then decides.
 TIE = 1e-7
 

@@ -62,6 +62,7 @@ manifold_mpc *manifold_mpc_init(void *memory, size_t bytes)
     c->cost = unit[3];
     c->step_s = MANIFOLD_MPC_STEP_S;
     c->quickest = MANIFOLD_MPC_QUICKEST_RAD_S2;
+    c->linear_rad = MANIFOLD_MPC_LINEAR_RAD;
     c->guard_squared = MANIFOLD_MPC_GUARD_SQUARED;
     c->deadline_s = INFINITY;
     c->allowed = c->inside = 1;
