@@ -9,6 +9,7 @@ import numpy as np
 from manifold_mpc_ros.control.command import Law
 from manifold_mpc_ros.control.input_gate import StateSample, to_ns
 from manifold_mpc_ros.control.modes import ACTING, Mode
+from manifold_mpc_ros.control.response.body_watch import BodyWatch
 from manifold_mpc_ros.control.torque_history import TorqueHistory, moved_on
 from manifold_mpc_ros.lie.arrays import Array
 
@@ -18,7 +19,10 @@ _NEVER_NS = 2 ** 63
 
 
 class Anticipation:
-    """The torques sent, and what the law's observer says of the torque and the delay to come."""
+    """The torques sent, and what the law's observer says of the torque and the delay to come.
+
+    ``body`` watches whether the body that answers is the model's.
+    """
 
     def __init__(self, law: Law) -> None:
         """Start with no torque sent."""
@@ -38,14 +42,17 @@ class Anticipation:
                 law.observer.take_over(self._law.observer)
         self._sent.kept_ns = to_ns(delay_s + KEPT_STEPS * law.config.step_s)
         self._law = law
+        self.body = BodyWatch(law.config, to_ns(law.actuation_delay_s))
 
     def restart(self) -> None:
         """Compare no state with those so far."""
+        self.body.restart()
         if self._law.observer is not None:
             self._law.observer.restart()
 
     def see(self, sample: StateSample) -> None:
         """Take the latest state into account."""
+        self.body.observe(sample, self._sent, self._acting_since_ns)
         if self._law.observer is not None:
             self._law.observer.observe(sample, self._sent, self._acting_since_ns)
 

@@ -61,7 +61,8 @@ class ControlLoop:
 
     ``sample`` is the latest state, None before the first; ``directions_N`` those of cones that
     have come, by name. ``observer`` watches how the body answers, ``steady_error`` the error that
-    is left, ``plan_watch`` whether horizon and period fit; ``slews`` plans profiles, or None.
+    is left, ``plan_watch`` whether horizon and period fit, ``body_watch`` whether the body does;
+    ``slews`` plans profiles, or None.
     """
 
     def __init__(
@@ -109,7 +110,7 @@ class ControlLoop:
         """Plan with this law from now on."""
         self._law = law
         self.observer, self.slews, self.output.dipoles = law.observer, law.slews, law.dipoles
-        self.plan_watch = PlanWatch(law.config)
+        self.plan_watch, self.body_watch = PlanWatch(law.config), self._ahead.body
         self.steady_error = SteadyError(law.config, law.largest_steady_error_rad)
         self._fallback = FallbackLaw(law.config)
         self.logic.consistency.bounds = law.motion

@@ -19,7 +19,7 @@ from manifold_mpc_ros.nodes.managed_node import ManagedNode, Status
 class Insight:
     """Publishes ``~/prediction`` and ``~/disturbance`` while somebody subscribes.
 
-    Says when horizon or period do not fit: once in the log each time, and on diagnostics.
+    Says when horizon, period or body do not fit: once in the log each time, and on diagnostics.
     """
 
     def __init__(self, node: ManagedNode) -> None:
@@ -42,7 +42,9 @@ class Insight:
 
     def publish(self, command: Command, loop: ControlLoop, config: ControllerConfig) -> None:
         """Publish what stands behind a command."""
-        found, observer = loop.plan_watch.warnings, loop.observer
+        found, observer = dict(loop.plan_watch.warnings), loop.observer
+        if loop.body_watch.warning:
+            found['body'] = loop.body_watch.warning
         for kind in found.keys() - self._warnings.keys():
             self._node.get_logger().warning(found[kind])
         self._warnings = found
