@@ -13,7 +13,7 @@ from closed_loops import Flight, fly
 
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 
-START = (0.0, 0.6, 0.0, 0.8)
+START = (0.0, 0.0, 1.0, 0.0)
 J_KG_M2 = np.array([1.0, 0.9, 0.6])
 
 
@@ -23,7 +23,7 @@ def mpc() -> AttitudeMpc:
 
 
 def flown(mpc: AttitudeMpc, *, law: dict[str, Any] | None = None, **plant: Any) -> Flight:
-    """Return 12 s from 74 degrees at rest."""
+    """Return 12 s from 180 degrees at rest."""
     return fly(mpc, 12.0, plant={'initial_attitude_xyzw': START, **plant}, law=law or {})
 
 
@@ -63,6 +63,6 @@ def test_a_declared_delay_is_counted(mpc: AttitudeMpc) -> None:
 
 
 def test_nothing_is_told_of_a_body_that_is_not_turned(mpc: AttitudeMpc) -> None:
-    watch = fly(mpc, 10.0, plant={}, law={}).loop.body_watch
+    watch = flown(mpc, initial_attitude_xyzw=(0.0, 0.0, 0.0, 1.0)).loop.body_watch
     assert np.isnan(watch.ratio)
     assert watch.warning == ''

@@ -7,8 +7,9 @@ From one measured state to the next, with f the measured turn, the momentum bala
     o = J omega+ - f^T J omega    and    e = (I + f^T)/2 (impulse of the torques that acted)
 
 are equal. ``k = sum o . e / sum e . e``, over the pairs in which the torque was large, is how
-strongly the body answers; 1/k about its inertia beside the model's. ``(sum o . e)^2`` near
-``sum o . o sum e . e`` tells an answer from noise and from torque that acts unasked.
+strongly the body answers; 1/k about its inertia beside the model's. Where one factor an axis
+explains o, ``sum_i (sum o_i e_i)^2 / sum e_i^2`` is nearly ``sum o . o``: that tells an answer
+from noise and from torque that acts unasked.
 """
 
 from __future__ import annotations
@@ -18,11 +19,12 @@ import numpy as np
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample
 from manifold_mpc_ros.control.torque_history import TorqueHistory
+from manifold_mpc_ros.lie.arrays import Array
 
 #: A pair counts where a torque of at least this part of its limit acted, on the mean.
 LARGE = 0.4
 #: A pair that is so many pairs old counts 1/e; judged are no fewer than these.
-MEMORY, FEWEST = 20.0, 4
+MEMORY, FEWEST = 20.0, 3
 #: Answers weaker or stronger than by this factor are another body's; so much of them is explained.
 FACTOR, EXPLAINED = 2.0, 0.9
 #: States farther apart than this many steps are not compared.
@@ -43,7 +45,7 @@ class BodyWatch:
         self._J, self._delay_ns = config.inertia_kg_m2, delay_ns
         self._longest_s = LONGEST_GAP_STEPS * config.step_s
         self._before: StateSample | None = None
-        self._sums, self._pairs = np.zeros(3), 0
+        self._sums, self._pairs = np.zeros((3, 3)), 0
         self.ratio, self.warning = float('nan'), ''
 
     def restart(self) -> None:
@@ -67,14 +69,15 @@ class BodyWatch:
         observed = self._J @ sample.omega_BN_B - back @ (self._J @ before.omega_BN_B)
         self._pairs += 1
         self._sums = np.exp(-1.0 / MEMORY) * self._sums + (
-            observed @ expected, expected @ expected, observed @ observed)
+            observed * expected, expected ** 2, observed ** 2)
         if self._pairs >= FEWEST:
             self._judge(*self._sums)
 
-    def _judge(self, both: float, expected: float, observed: float) -> None:
+    def _judge(self, both: Array, expected: Array, observed: Array) -> None:
         """Say how strongly the body answers, and whether that is another body's answer."""
-        self.ratio = both / expected
-        told = both > 0.0 and both ** 2 >= EXPLAINED * expected * observed
+        self.ratio = float(both.sum() / expected.sum())
+        explained = np.sum(both ** 2 / np.maximum(expected, np.finfo(float).tiny))
+        told = self.ratio > 0.0 and explained >= EXPLAINED * observed.sum()
         if told and not 1.0 / FACTOR <= self.ratio <= FACTOR:
             if not self.warning:
                 self.warning = (

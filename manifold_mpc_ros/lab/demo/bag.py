@@ -91,14 +91,16 @@ class DemoBag:
 
     def describe(
         self, files: tuple[Path, Path], arguments: argparse.Namespace, first_ns: int,
-        duration_s: float,
+        duration_s: float, *, lockstep: bool,
     ) -> None:
         """Write what has come since a stamp, with the scenario that the demo was."""
         from manifold_mpc_ros.lab.recording.bags.contents import CUSTOM_OUTCOME, RunDescription
         controller, simulator = (
             dict(read_parameter_file(file, node)) for file, node in zip(
                 files, (CONTROLLER_NAME, SIMULATOR_NAME), strict=True))
-        text = _scenario(controller, simulator, arguments, duration_s)
+        for parameters in (controller, simulator):
+            parameters['lockstep'] = lockstep
+        text = _scenario(controller, simulator, arguments, duration_s, lockstep=lockstep)
         description = RunDescription(
             scenario_name=NAME, scenario_text=text, backend=self._recorder.controller.get(
                 'backend', ''), versions=provenance.versions(self._recorder.middleware),
@@ -136,14 +138,15 @@ class DemoBag:
 
 def _scenario(
     controller: dict[str, Any], simulator: dict[str, Any], arguments: argparse.Namespace,
-    duration_s: float,
+    duration_s: float, *, lockstep: bool,
 ) -> str:
     """Return the demo as the text of a scenario."""
     step_s = float(controller['mpc.step_s'])
     return str(yaml.safe_dump({
-        'description': 'What the demo showed: two processes in real time.',
+        'description': 'What the demo showed: two processes '
+                       + ('in lockstep.' if lockstep else 'in real time.'),
         'duration_s': max(1, int((duration_s - SHORT_S) / step_s)) * step_s,
-        'time': {'mode': 'wall'},
+        'time': {'mode': 'lockstep' if lockstep else 'wall'},
         'controller': _own(controller, DECIDED_BY_TIME),
         'simulator': _own(simulator, DECIDED_AT_SIMULATOR),
         'acceptance': {

@@ -27,7 +27,7 @@ from manifold_mpc_ros.config.description import PLAIN
 from manifold_mpc_ros.errors import ConfigurationError, ManifoldMpcError
 from manifold_mpc_ros.lab.closed_loop import settling_time
 from manifold_mpc_ros.lab.demo.bag import DemoBag
-from manifold_mpc_ros.lab.demo.defaults import set_defaults
+from manifold_mpc_ros.lab.demo.defaults import DURATION_S, set_defaults
 from manifold_mpc_ros.lab.demo.watch import HOLD_S, StartWatch, loop_is_closed, watch_until_settled
 from manifold_mpc_ros.lab.recording.scenarios.scenario import is_shipped_state
 from manifold_mpc_ros.mpc.target import error_angle
@@ -41,7 +41,7 @@ EXAMPLES = """\
   manifold-mpc demo
       a slew of 180 degrees with the shipped parameters; bag, report, pictures in results/demo
   manifold-mpc demo --simulator-config tumble.yaml --time-limit 60 --output results/tumble
-      another spacecraft or start
+      another spacecraft or start; faster than real time, for it may take more than 40 s
 """
 SNAPSHOTS = 8
 
@@ -52,8 +52,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     shared.add_simulator_config(parser)
     parser.add_argument(
         '--time-limit', dest='duration', type=shared.positive_number, metavar='S',
-        help='wall clock from the first command until the attitude has settled (default: 40, and '
-             'at least twice the horizon)')
+        help='time from the first command until the attitude has settled (default: 40, and at '
+             'least twice the horizon)')
+    parser.add_argument(
+        '--real-time', action='store_true',
+        help=f'in real time; else a run that may take more than {DURATION_S:g} s is in lockstep, '
+             'as fast as this machine can')
     parser.add_argument(
         '--start-limit', type=shared.positive_number, default=60.0, metavar='S',
         help='wall clock until the first command: discovery, and building the solver '
@@ -80,29 +84,35 @@ def run(arguments: argparse.Namespace) -> int:
     stay_private(os.environ)  # the recorder is in this process
     end_on_sigterm()
     console, namespace = report.make_console(), f'/demo_{os.getpid()}'
+    lockstep = arguments.duration > DURATION_S and not arguments.real_time
     with chosen_domain() as domain_id, Recorder(domain_id, namespace) as recorder, \
             NodeProcesses() as processes, \
             DemoBag(arguments.output / 'bag', domain_id, namespace) as bag:
         environment = node_environment(domain_id)
-        console.print(f'Two processes on ROS_DOMAIN_ID={domain_id}, topics under {namespace}')
+        console.print(f'Two processes on ROS_DOMAIN_ID={domain_id}, topics under {namespace}'
+                      + lockstep * ', in lockstep: faster than real time')
 
         def start(module: str, file: Path, *more: str) -> None:
             processes.start(
-                module, ['--params-file', str(file), '-r', f'__ns:={namespace}', *more],
+                module, ['--params-file', str(file), '-r', f'__ns:={namespace}', '-p',
+                         f'lockstep:={str(lockstep).lower()}', *more],
                 environment, arguments.output / f'{module}.log')
 
         with DemoDisplay(console) as display:
             waiting = StartWatch(recorder, processes, arguments.start_limit, display)
             start('simulator', files[1])
-            # Seen before anything moves: the recording begins at the initial state.
-            waiting.until(lambda: recorder.states > 0)
+            # Seen before anything moves: the recording begins at the initial state. In lockstep the
+            # simulator waits for the controller.
+            waiting.until(lambda: lockstep or recorder.states > 0)
             start('controller', files[0], '-p', 'autostart:=false')
             _activate_controller(recorder, bag, processes, waiting)
             waiting.until(lambda: loop_is_closed(recorder))
-            watch_until_settled(recorder, processes, config.mpc, arguments, display)
+            watch_until_settled(recorder, processes, config.mpc, arguments, display,
+                                simulated=lockstep)
         bag.end()
         history, solver = recorder.history(), recorder.solver
-        bag.describe(files, arguments, recorder.first_ns, float(history.state_time_s[-1]))
+        bag.describe(files, arguments, recorder.first_ns, float(history.state_time_s[-1]),
+                     lockstep=lockstep)
         exits = processes.stop()
     status = _finish(console, history, solver, waiting.elapsed_s, exits, config, arguments)
     return status if _report(console, bag) else 1

@@ -69,15 +69,20 @@ def loop_is_closed(recorder: Recorder) -> bool:
 
 def watch_until_settled(
     recorder: Recorder, processes: NodeProcesses, config: AttitudeMpcConfig,
-    arguments: argparse.Namespace, display: DemoDisplay,
+    arguments: argparse.Namespace, display: DemoDisplay, *, simulated: bool,
 ) -> None:
-    """Listen until the body has held its attitude for a while, or the time is up."""
-    begun_s = time.monotonic()
+    """Listen until the body has held its attitude for a while, or the time is up.
+
+    The wall clock is up, or ``simulated`` time.
+    """
+    begun_s, first_s = time.monotonic(), recorder.latest_state()[0]
     within_since_s: float | None = None
-    while (elapsed_s := time.monotonic() - begun_s) < arguments.duration:
+    elapsed_s = 0.0
+    while max(elapsed_s, time.monotonic() - begun_s) < arguments.duration:
         _require_running(processes)
         recorder.spin(LISTEN_S)
         state_s, R_NB, omega_BN_B = recorder.latest_state()
+        elapsed_s = state_s - first_s if simulated else time.monotonic() - begun_s
         error_rad = float(error_angle(config, R_NB))
         rate_rad_s = float(np.linalg.norm(omega_BN_B))
         display.running(elapsed_s, arguments.duration, error_rad, rate_rad_s,
