@@ -101,8 +101,8 @@ def run(arguments: argparse.Namespace) -> int:
         with DemoDisplay(console) as display:
             waiting = StartWatch(recorder, processes, arguments.start_limit, display)
             start('simulator', files[1])
-            # Seen before anything moves: the recording begins at the initial state. In lockstep the
-            # simulator waits for the controller.
+            # Seen before anything moves: the recording begins at the initial state. In lockstep
+            # the simulator waits for the controller.
             waiting.until(lambda: lockstep or recorder.states > 0)
             start('controller', files[0], '-p', 'autostart:=false')
             _activate_controller(recorder, bag, processes, waiting)
