@@ -61,7 +61,7 @@ class ControlLoop:
 
     ``sample`` is the latest state, None before the first; ``directions_N`` those of cones that
     have come, by name. ``observer`` watches how the body answers, ``steady_error`` the error that
-    is left, ``plan_watch`` and ``body_watch`` what does not fit; ``slews`` plans profiles, or None.
+    is left, ``plan_watch``, ``body_watch`` what does not fit; ``slews`` plans profiles, or None.
     """
 
     def __init__(
