@@ -30,6 +30,60 @@ def slews(data: dict[str, Any]) -> str:
          for name, row in rows.items()])
 
 
+def pointing(data: dict[str, Any]) -> str:
+    """Return how controller and law do on the same flights."""
+    rows = []
+    for name, row in data['pointing'].items():
+        flight, who = name.split(', ')
+        by, every = who.split(' every ')
+        rows.append([flight, 'controller' if by == 'controller' else "Basilisk's law", every,
+                     f'{row["largest_error_deg"]:.4f}', f'{row["rms_error_deg"]:.5f}',
+                     f'{row["below_settled_s"]:.1f}',
+                     f'{1e6 * row["mean_body_torque_n_m"]:.1f}',
+                     f'{1e6 * row["mean_motor_torques_n_m"]:.1f}',
+                     f'{row["largest_rate_over_limit"]:.3f}'])
+    return table(
+        ['flight', 'by', 'every', 'largest error [deg]', 'rms error [deg]',
+         'below 0.01 deg for good after [s]', 'mean body torque [uN m]',
+         'mean of all motors [uN m]', 'largest rate, of the limit'], sorted(
+            rows, key=lambda row: (list(dict.fromkeys(each[0] for each in rows)).index(row[0]),
+                                   -float(row[2].split()[0]), row[1] != 'controller')))
+
+
+def tuning(data: dict[str, Any]) -> str:
+    """Return which gains of the law were the best of those tried."""
+    return table(['law', 'tried', 'P [N m s]', 'K [N m]', 'Ki [1/(N m s)]',
+                  'rms error after the step, best of the tried [deg]'], [
+        [every, str(len(row['rms_error_deg'])), *(
+            f'{row["best"][name]:g}' for name in ('P', 'K', 'Ki')),
+         f'{min(row["rms_error_deg"].values()):.5f}'] for every, row in data['tuning'].items()])
+
+
+def draw(data: dict[str, Any], folder: Path) -> None:
+    """Draw what is there into a folder, and say where."""
+    if 'slews' in data:
+        print(draw_slews(data, folder / 'basilisk_slews.png'))
+    if 'pointing' in data:
+        print(draw_pointing(data, folder / 'basilisk_pointing.png'))
+
+
+def draw_pointing(data: dict[str, Any], path: Path) -> Path:
+    """Draw errors of controller and law over time, both every half a second."""
+    flights = list(dict.fromkeys(name.split(', ')[0] for name in data['pointing']))
+    with styled():
+        figure = Figure(figsize=(11.0, 3.6), layout='constrained')
+        for axes, flight in zip(figure.subplots(1, len(flights)), flights):
+            for by, words, colour in (('law', "Basilisk's law", AXIS_COLOURS[0]),
+                                      ('controller', 'controller', AXIS_COLOURS[2])):
+                trace = data['pointing'][f'{flight}, {by} every 0.5 s']['trace']
+                axes.semilogy(trace['every_s'] * np.arange(len(trace['error_deg'])),
+                              np.maximum(trace['error_deg'], 1e-7), color=colour, label=words)
+            axes.set(title=flight[0].upper() + flight[1:], xlabel='time [s]', ylim=(1e-7, 30.0))
+        figure.axes[0].set(ylabel='error [deg]')
+        figure.axes[0].legend(loc='upper right', fontsize='small')
+        return save_figure(figure, path)
+
+
 def draw_slews(data: dict[str, Any], path: Path) -> Path:
     """Draw errors, rates against the limit, and speeds of the wheels over time."""
     rows = data['slews']

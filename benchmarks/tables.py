@@ -243,6 +243,8 @@ TABLES: dict[str, tuple[str, Callable[..., str]]] = {
     'random-targets': ('references', moving.random_targets),
     'moving-cost': ('moving_cost', moving.cost),
     'basilisk-slews': ('basilisk', basilisk_tables.slews),
+    'basilisk-pointing': ('basilisk', basilisk_tables.pointing),
+    'basilisk-tuning': ('basilisk', basilisk_tables.tuning),
     'mcap': ('libraries', mcap), 'joblib': ('libraries', joblib),
 }
 COMMANDS = {'bench': 'make bench', 'tick': 'manifold-mpc bench --tick',

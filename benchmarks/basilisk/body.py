@@ -55,7 +55,7 @@ def hub(R_NB: Array, omega_BN_B: Array | None = None, **devices: Any) -> dict[st
     array = WHEELS if 'wheels' in devices else None
     return {'hub_inertia_kg_m2': hub_inertia(INERTIA, array), 'sigma_BN': sigma_of(R_NB),
             'omega_BN_B': np.zeros(3).tolist() if omega_BN_B is None else omega_BN_B.tolist(),
-            'step_s': 0.05, 'sample_s': 0.05, **devices}
+            'step_s': 0.05, 'sample_s': 0.05, 'period_s': STEP_S, **devices}
 
 
 def wheels(friction_n_m: float) -> dict[str, Any]:
@@ -71,3 +71,10 @@ def wheel_parameters() -> dict[str, Any]:
     return {'actuators.kind': 'wheels', f'{key}.axes_B': AXES_B.ravel().tolist(),
             f'{key}.max_torque_n_m': [MOTOR_N_M], f'{key}.max_momentum_n_m_s': [MOMENTUM_N_M_S],
             f'{key}.inertia_kg_m2': [SPIN_KG_M2]}
+
+
+def observer(attitude_rad: float = 2.5e-7, rate_rad_s: float = 1e-7) -> dict[str, Any]:
+    """Return the parameters of the disturbance observer for friction, by noise of the state."""
+    return {'disturbance.estimate': True, 'disturbance.drift_n_m': 1e-5,
+            'disturbance.rate_noise_rad_s': rate_rad_s,
+            'monitor.attitude_noise_rad': 4.0 * attitude_rad}

@@ -61,7 +61,7 @@ def hub_inertia(body_kg_m2: Array, wheels: WheelArray | None) -> list[float]:
 
 @dataclass(frozen=True, eq=False)
 class PlantState:
-    """What Basilisk says at the end of a control period.
+    """What Basilisk says at the end of a control period, true and as it is measured.
 
     ``wheel_speed_rad_s`` and ``motor_torque_n_m`` (n,) are empty without wheels;
     ``peak_rate_rad_s`` (3,) is the largest of each body rate in the period.
@@ -69,7 +69,9 @@ class PlantState:
 
     time_s: float
     R_NB: Array
+    measured_R_NB: Array
     omega_BN_B: Array
+    measured_omega_BN_B: Array
     peak_rate_rad_s: Array
     position_N_m: Array
     wheel_speed_rad_s: Array
@@ -78,10 +80,11 @@ class PlantState:
     @classmethod
     def read(cls, answer: Mapping[str, Any]) -> PlantState:
         """Return the state of an answer."""
-        return cls(float(answer['time_s']), rotation_of(answer['sigma_BN']), *(
+        return cls(float(answer['time_s']), *(
+            rotation_of(answer[name]) for name in ('sigma_BN', 'measured_sigma_BN')), *(
             np.array(answer.get(name, []), dtype=float) for name in (
-                'omega_BN_B', 'peak_rate_rad_s', 'position_N_m', 'wheel_speed_rad_s',
-                'motor_torque_n_m')))
+                'omega_BN_B', 'measured_omega_BN_B', 'peak_rate_rad_s', 'position_N_m',
+                'wheel_speed_rad_s', 'motor_torque_n_m')))
 
 
 class BasiliskProcess:
@@ -110,16 +113,15 @@ class BasiliskProcess:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
                  traceback: TracebackType | None) -> None:
-        """End it."""
-        assert self._process.stdin is not None
-        self._process.stdin.close()
-        self._process.wait(timeout=10.0)
+        """End it; it has nothing to save."""
+        self._process.kill()
+        self._process.wait()
 
-    def advance(self, step_s: float, **asked: Any) -> PlantState:
+    def advance(self, **asked: Any) -> PlantState:
         """Move on by a control period under what is asked (plant.py)."""
-        self.state = self._ask({'advance_s': step_s, **{
+        self.state = self._ask({
             name: value.tolist() if isinstance(value, np.ndarray) else value
-            for name, value in asked.items()}})
+            for name, value in asked.items()})
         return self.state
 
     def _ask(self, line: Mapping[str, Any]) -> PlantState:

@@ -47,28 +47,13 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 @dataclass
 class History:
-    """A run, one row a control period, the state at its begin and what was commanded there.
+    """A run: the states (n + 1), and between them the commands (n, ...) of the devices.
 
-    ``device`` has motor torques [N m] or on-times [s], (n, 0) without devices; ``peak_rate_rad_s``
-    (n, 3) is the largest of each rate in the period that follows.
+    These are motor torques [N m], on-times [s], or (n, 0) without devices.
     """
 
-    time_s: list[float] = field(default_factory=list)
-    R_NB: list[Array] = field(default_factory=list)
-    omega_BN_B: list[Array] = field(default_factory=list)
-    wheel_speed_rad_s: list[Array] = field(default_factory=list)
-    torque_B_n_m: list[Array] = field(default_factory=list)
+    states: list[PlantState]
     device: list[Array] = field(default_factory=list)
-    peak_rate_rad_s: list[Array] = field(default_factory=list)
-
-    def add(self, state: PlantState, torque_B_n_m: Array, device: Array, after: PlantState
-            ) -> None:
-        """Add a period."""
-        for name in ('time_s', 'R_NB', 'omega_BN_B', 'wheel_speed_rad_s'):
-            getattr(self, name).append(getattr(state, name))
-        self.torque_B_n_m.append(torque_B_n_m)
-        self.device.append(device)
-        self.peak_rate_rad_s.append(after.peak_rate_rad_s)
 
 
 class Controller:
@@ -158,8 +143,8 @@ class Controller:
         odometry = Odometry(child_frame_id='base_link')
         odometry.header.frame_id = 'inertial'
         odometry.header.stamp = messages.to_stamp(stamp_ns)
-        odometry.pose.pose.orientation = messages.to_quaternion(state.R_NB)
-        odometry.twist.twist.angular = messages.to_vector(state.omega_BN_B)
+        odometry.pose.pose.orientation = messages.to_quaternion(state.measured_R_NB)
+        odometry.twist.twist.angular = messages.to_vector(state.measured_omega_BN_B)
         speeds = JointState(name=self._wheels, velocity=state.wheel_speed_rad_s.tolist())
         speeds.header.stamp = odometry.header.stamp
 
@@ -208,16 +193,16 @@ class Controller:
                     self.said['mode'], self.said.get('solver_status', 'none'))
 
 
-def fly(controller: Controller, plant: BasiliskProcess, step_s: float, steps: int,
+def fly(controller: Controller, plant: BasiliskProcess, steps: int,
         disturbance: Callable[[float], Array] = lambda _: np.zeros(3)) -> History:
     """Close the loop for so many control periods; a disturbance torque (3,) acts by time [N m]."""
-    history = History()
+    history = History([plant.state])
     for _ in range(steps):
-        state = plant.state
-        torque, device = controller.answer(state)
-        after = plant.advance(step_s, command=device if device.size else torque,
-                              disturbance_B_n_m=disturbance(state.time_s))
-        history.add(state, torque, device, after)
+        torque, device = controller.answer(plant.state)
+        time_s = plant.state.time_s
+        history.device.append(device)
+        history.states.append(plant.advance(
+            command=device if device.size else torque, disturbance_B_n_m=disturbance(time_s)))
     return history
 
 

@@ -25,7 +25,6 @@ from Basilisk.simulation import (
     GravityGradientEffector,
     extForceTorque,
     reactionWheelStateEffector,
-    simpleNav,
     spacecraft,
     thrusterDynamicEffector,
 )
@@ -36,8 +35,9 @@ from Basilisk.utilities import (
     simIncludeRW,
     simIncludeThruster,
 )
+from sensors import Sensors
 
-DYNAMICS, FLIGHT_SOFTWARE = 'dynamics', 'flight software'
+DYNAMICS, SENSORS, FLIGHT_SOFTWARE = 'dynamics', 'sensors', 'flight software'
 #: Wheels creep in Basilisk's friction below this speed, where friction falls to zero [rad/s].
 CREEP_RAD_S = 1e-3
 Given = Mapping[str, Any]
@@ -53,19 +53,21 @@ class Spacecraft:
     """A rigid hub with what ``given`` names.
 
     ``hub_inertia_kg_m2`` (9), ``sigma_BN``, ``omega_BN_B`` [rad/s], ``step_s`` of the integration
-    (RK4), ``sample_s`` between looks at the rate; ``position_N_m`` and ``velocity_N_m_s``: the
-    orbit, on which gravity gradient acts; one of ``max_torque_n_m`` (3), ``wheels`` and
-    ``thrusters``; ``law``: gains of mrpFeedback, which then commands the wheels in place of the
-    requests, and its first ``reference``.
+    (RK4), ``sample_s`` between looks at the rate, ``period_s`` of control; ``position_N_m`` and
+    ``velocity_N_m_s``: the orbit, on which gravity gradient acts; one of ``max_torque_n_m`` (3),
+    ``wheels`` and ``thrusters``; ``noise`` of what is measured, standard deviations
+    ``attitude_rad`` and ``rate_rad_s`` about each axis; ``law``: gains of mrpFeedback, which then
+    commands the wheels in place of the requests, and its first ``reference``.
     """
 
     def __init__(self, given: Given) -> None:
         """Build the simulation and put it to time zero."""
+        self._period_s = given['period_s']
         self._sample_ns = macros.sec2nano(given['sample_s'])
         self._sim = SimulationBaseClass.SimBaseClass()
         process = self._sim.CreateNewProcess('process')
         process.addTask(self._sim.CreateNewTask(
-            DYNAMICS, macros.sec2nano(given['step_s'])), 2)
+            DYNAMICS, macros.sec2nano(given['step_s'])), 3)
         self._hub = spacecraft.Spacecraft()
         self._hub.ModelTag = 'hub'
         self._hub.hub.mHub = 12.0
@@ -87,8 +89,9 @@ class Spacecraft:
         if 'position_N_m' in given:
             self._add_orbit(given)
         self._reference = None
+        self._add_sensors(given.get('noise'), process)
         if 'law' in given:
-            self._add_law(given['law'], given['hub_inertia_kg_m2'], process)
+            self._add_law(given['law'], given['hub_inertia_kg_m2'])
         self._sim.InitializeSimulation()
         self._peak = np.zeros(3)
         self._now_ns = 0
@@ -97,10 +100,10 @@ class Spacecraft:
         self._execute(0)
 
     def advance(self, asked: Given) -> dict[str, Any]:
-        """Move on by ``advance_s`` under a ``command`` that is held; return the state then.
+        """Move on by a control period under a ``command`` that is held; return the state then.
 
         The command is a body torque (3,) [N m], motor torques (n,) [N m], or on-times (n,) [s].
-        ``disturbance_B_n_m`` (3,) acts beside it. With a law, whose period this is, ``reference``
+        ``disturbance_B_n_m`` (3,) acts beside it. With a law ``reference``
         (sigma_RN, omega_RN_N, domega_RN_N) is that of the end, where the law acts again, and there
         is no command. ``peak_rate_rad_s`` is the largest of each body rate on the way.
         """
@@ -109,7 +112,7 @@ class Spacecraft:
         else:
             self._order(np.array(asked['command'], dtype=float))
         self._write_torque(self._disturbance, asked.get('disturbance_B_n_m', [0.0] * 3))
-        end_ns = self._now_ns + macros.sec2nano(asked['advance_s'])
+        end_ns = self._now_ns + macros.sec2nano(self._period_s)
         self._peak = np.zeros(3)
         while self._now_ns < end_ns:
             self._execute(min(end_ns, self._now_ns + self._sample_ns))
@@ -118,9 +121,11 @@ class Spacecraft:
 
     def answer(self) -> dict[str, Any]:
         """Return the state of now."""
-        state = self._state()
+        state, measured = self._state(), self._sensors.measured.read()
         answer = {'time_s': self._now_ns * macros.NANO2SEC, 'sigma_BN': list(state.sigma_BN),
                   'omega_BN_B': list(state.omega_BN_B), 'position_N_m': list(state.r_CN_N),
+                  'measured_sigma_BN': list(measured.sigma_BN),
+                  'measured_omega_BN_B': list(measured.omega_BN_B),
                   'peak_rate_rad_s': self._peak.tolist()}
         if self._wheels:
             count = len(self._wheels['axes_B'])
@@ -218,15 +223,19 @@ class Spacecraft:
         self._add(gradient, 20)
         self._effectors.append(gradient)
 
-    def _add_law(self, gains: Given, inertia_kg_m2: Numbers, process: Any) -> None:
-        """Add Basilisk's tracking error, feedback law and torques of motors, at ``period_s``."""
-        process.addTask(self._sim.CreateNewTask(
-            FLIGHT_SOFTWARE, macros.sec2nano(gains['period_s'])), 1)
-        navigation = simpleNav.SimpleNav()
-        navigation.scStateInMsg.subscribeTo(self._hub.scStateOutMsg)
+    def _add_sensors(self, noise: Given | None, process: Any) -> None:
+        """Add what measures the state every control period, and the task of what hears it."""
+        for task, priority in ((SENSORS, 2), (FLIGHT_SOFTWARE, 1)):
+            process.addTask(self._sim.CreateNewTask(
+                task, macros.sec2nano(self._period_s)), priority)
+        self._sensors = Sensors(self._hub.scStateOutMsg, noise)
+        self._add(self._sensors, 10, SENSORS)
+
+    def _add_law(self, gains: Given, inertia_kg_m2: Numbers) -> None:
+        """Add Basilisk's tracking error, feedback law and torques of motors."""
         self._reference = messaging.AttRefMsg().write(messaging.AttRefMsgPayload())
         error = attTrackingError.attTrackingError()
-        error.attNavInMsg.subscribeTo(navigation.attOutMsg)
+        error.attNavInMsg.subscribeTo(self._sensors.measured)
         error.attRefInMsg.subscribeTo(self._reference)
         feedback, motors = mrpFeedback.mrpFeedback(), rwMotorTorque.rwMotorTorque()
         self._vehicle = messaging.VehicleConfigMsg().write(
@@ -242,9 +251,9 @@ class Spacecraft:
         motors.vehControlInMsg.subscribeTo(feedback.cmdTorqueOutMsg)
         motors.rwParamsInMsg.subscribeTo(self._array)
         self._effector.rwMotorCmdInMsg.subscribeTo(motors.rwMotorTorqueOutMsg)
-        self._law = (navigation, error, feedback, motors)
+        self._law = (error, feedback, motors)
         for priority, (name, model) in enumerate(zip(
-                ('navigation', 'error', 'feedback', 'motors'), self._law)):
+                ('error', 'feedback', 'motors'), self._law)):
             model.ModelTag = name
             self._add(model, 10 - priority, FLIGHT_SOFTWARE)
 

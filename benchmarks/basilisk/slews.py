@@ -18,6 +18,7 @@ from body import (
     WHEELS,
     common,
     hub,
+    observer,
     orbit,
     wheel_parameters,
     wheels,
@@ -68,6 +69,9 @@ def slews() -> dict[str, Slew]:
         'wheels, not estimated': Slew(
             rubbing, {**turned, **wheel_parameters()}, 'wheel_commands'),
         'wheels, estimated': Slew(rubbing, estimated, 'wheel_commands'),
+        'wheels, estimated, away from zero': Slew(
+            rubbing, {**estimated, 'actuators.wheels.null_space': 'away_from_zero'},
+            'wheel_commands'),
         'wheels, estimated, rate limit tightened': Slew(rubbing, tightened, 'wheel_commands'),
         # A pulse that is rounded to a step of the integration is long by a sixth of it.
         'thrusters': Slew(
@@ -75,12 +79,6 @@ def slews() -> dict[str, Slew]:
             {**turned, **thruster_parameters()}, 'thruster_commands',
             settled_deg=0.5, settled_deg_s=0.06),
     }
-
-
-def observer() -> dict[str, Any]:
-    """Return the parameters of the disturbance observer: a state without noise, friction."""
-    return {'disturbance.estimate': True, 'disturbance.drift_n_m': 1e-5,
-            'disturbance.rate_noise_rad_s': 1e-7, 'monitor.attitude_noise_rad': 1e-6}
 
 
 def thrusters() -> dict[str, Any]:
@@ -104,18 +102,20 @@ def run(slew: Slew) -> dict[str, Any]:
     names = WHEELS.names if 'wheels' in slew.spacecraft else ()
     with (BasiliskProcess(slew.spacecraft) as plant,
           Controller(slew.parameters, slew.topic, names) as controller):
-        history = fly(controller, plant, STEP_S, round(DURATION_S / STEP_S))
+        history = fly(controller, plant, round(DURATION_S / STEP_S))
         return summary(slew, history, controller)
 
 
 def summary(slew: Slew, history: History, controller: Controller) -> dict[str, Any]:
     """Return the figures of a run."""
-    error = np.degrees([error_rad(np.eye(3), R) for R in history.R_NB])
-    rate = np.degrees(np.linalg.norm(history.omega_BN_B, axis=1))
-    ratio = np.array(history.peak_rate_rad_s).max(axis=1) / RATE_RAD_S
+    states = history.states
+    error = np.degrees([error_rad(np.eye(3), each.R_NB) for each in states])
+    rate = np.degrees([np.linalg.norm(each.omega_BN_B) for each in states])
+    ratio = np.array([each.peak_rate_rad_s.max() for each in states]) / RATE_RAD_S
     late = np.flatnonzero((error >= slew.settled_deg) | (rate >= slew.settled_deg_s))
     steady = round(STEADY_S / STEP_S)
-    device, speed = np.array(history.device), np.array(history.wheel_speed_rad_s)
+    device = np.array(history.device)
+    speed = np.array([each.wheel_speed_rad_s for each in states])
     found = {
         'settled_s': float(late[-1] + 1) * STEP_S if late[-1] + 1 < len(error) else None,
         'largest_rate_over_limit': float(ratio.max()),

@@ -24,13 +24,14 @@ from manifold_mpc_ros.lie import so3
 STAND_IN = """
 import json, sys
 given = json.loads(sys.stdin.readline())
-state = {'time_s': 0.0, 'sigma_BN': given['sigma_BN'], 'omega_BN_B': [0.0] * 3}
+state = {'time_s': 0.0, 'sigma_BN': given['sigma_BN'], 'omega_BN_B': [0.0] * 3,
+         'measured_sigma_BN': [0.0, 0.0, 0.0]}
 print(json.dumps(state), flush=True)
 for line in sys.stdin:
     asked = json.loads(line)
     if not asked['command']:
         sys.exit(3)
-    state['time_s'] += asked['advance_s']
+    state['time_s'] += 0.5
     state['omega_BN_B'] = asked['command']
     print(json.dumps(state), flush=True)
 """
@@ -87,9 +88,10 @@ def test_lines_go_and_come_and_a_plant_that_ends_is_said(
     R_NB = so3.exp([0.3, -0.2, 0.9])
     with link.BasiliskProcess({'sigma_BN': link.sigma_of(R_NB)}, Path(sys.executable)) as plant:
         np.testing.assert_allclose(plant.state.R_NB, R_NB, atol=1e-14)
-        state = plant.advance(0.5, command=np.array([1e-3, 0.0, -2e-3]))
+        state = plant.advance(command=np.array([1e-3, 0.0, -2e-3]))
         assert state.time_s == 0.5
         assert state.omega_BN_B.tolist() == [1e-3, 0.0, -2e-3]
+        assert state.measured_R_NB.tolist() == np.eye(3).tolist()
         assert state.wheel_speed_rad_s.size == 0
         with pytest.raises(SystemExit, match='ended with 3'):
-            plant.advance(0.5, command=[])
+            plant.advance(command=[])
