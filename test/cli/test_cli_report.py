@@ -128,8 +128,13 @@ def test_verdicts_and_names_are_on_the_page(command: Command, tmp_path: Path) ->
     body = (tmp_path / 'report.html').read_text(encoding='utf-8').split('<main>')[1]
     body = body.split('</main>')[0]
     assert '3 runs, 0 passed' in body
-    assert body.count('>settle_time_s, final_error_deg') == 2
-    assert body.count('>recording, settle_time_s') == 1
+    assert body.count('>settling time, final error') == 2
+    assert body.count('>recording, settling time') == 1
+    assert not re.search(r'[a-z]_(?:s|deg|n_m|rad_s|ms|ticks)\b', body.split('<details>')[0])
+    margins = re.findall(
+        r'<td>(peak torque|peak rate|final rate)</td>.*?<td>(-?[\d.]+)%</td>', body)
+    assert len(margins) == 9
+    assert all(float(left) <= 100.0 for _, left in margins)
     assert body.count('This bag is damaged') == 1
     assert (tmp_path / 'mistuned_2_response.png').is_file()
 

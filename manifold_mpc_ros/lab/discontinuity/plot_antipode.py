@@ -76,13 +76,16 @@ def _draw_field(axes: Axes, study: AntipodeStudy) -> None:
 def _draw_winding(axes: Axes, study: AntipodeStudy) -> None:
     """Draw the torque's angle once around each circle, unwrapped the short way."""
     colours = colormaps['viridis'](np.linspace(0.0, 0.85, len(study.circles)))
+    lowest, highest = np.inf, -np.inf
     for circle, colour in zip(study.circles, colours):
         angle = np.degrees(np.unwrap(np.append(circle.angle_rad, circle.angle_rad[0])))
         phase = np.append(circle.phase_deg, circle.phase_deg[0] + 360.0)
-        axes.plot(phase, angle - 360.0 * np.floor((angle[0] + 180.0) / 360.0), color=colour,
-                  linewidth=1.6, label=f'{circle.radius_deg:g}°: {_says(circle)}')
+        angle = angle - 360.0 * np.floor((angle[0] + 180.0) / 360.0)
+        lowest, highest = min(lowest, angle.min()), max(highest, angle.max())
+        axes.plot(phase, angle, color=colour, linewidth=1.6,
+                  label=f'{circle.radius_deg:g}°: {_says(circle)}')
     axes.set_xlim(0.0, 365.0)
-    axes.set_ylim(60.0, 510.0)
+    axes.set_ylim(lowest - 30.0, highest + 15.0)
     axes.set_xticks(np.arange(0.0, 361.0, 90.0))
     axes.yaxis.set_major_locator(MultipleLocator(90.0))
     axes.set_xlabel('phase around the antipode [deg]')

@@ -1,6 +1,6 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of the report page over time: one run in five or six panels, several runs in four."""
+"""Figures of the report page over time: one run in nine panels or more, several runs in four."""
 
 from __future__ import annotations
 
@@ -13,14 +13,18 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from manifold_mpc_ros.cli.plot_style import AXIS_COLOURS, AXIS_NAMES, INK, LIMIT_COLOUR
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.lab.recording.bags import measures
 from manifold_mpc_ros.lab.recording.bags.cones import cone_histories
 from manifold_mpc_ros.lab.recording.bags.run import BagRun
 from manifold_mpc_ros.lab.recording.bags.series import MOTOR_TORQUE
+from manifold_mpc_ros.lab.report import motion
 from manifold_mpc_ros.lab.report.plot_cones import margins_deg
 from manifold_mpc_ros.lie.arrays import Array
 
 PANEL_PX = 186
+#: Between two panels, in panels.
+GAP = 0.14
 #: Colours of runs that are compared, told apart by colour-blind readers (Okabe and Ito).
 RUN_COLOURS = ('#0072B2', '#D55E00', '#009E73', '#CC79A7', '#E69F00', '#56B4E9', '#222222')
 #: What a tick ended as, with the colour of its mark.
@@ -37,19 +41,22 @@ _TICKS_MS = [mantissa * 10.0 ** exponent for exponent in range(-3, 5) for mantis
 
 
 def histories(run: BagRun) -> go.Figure:
-    """Return error, rate, torque, solver, value function, cones and devices of one run."""
+    """Return error, rate, torque, solver, value, cones, devices and motion of one run."""
     cones, devices = cone_histories(run), run.ticks.devices
+    config = None if run.scenario is None else run.scenario.controller_config.mpc
+    further = _motion(run, config)
     figure = _panels(f'{_target(run)} error [deg]', 'body rate [rad/s]', 'torque [N m]',
                      'solve time [ms]', 'value function', *['cone margin [deg]'][:len(cones)],
-                     *devices)
+                     *devices, *further)
     # The first shape is the cursor, which the page moves.
     figure.add_shape(type='line', xref='x', yref='paper', x0=0, x1=0, y0=0, y1=1,
                      line={'color': '#0072B2', 'width': 1.5})
-    config = None if run.scenario is None else run.scenario.controller_config.mpc
     _line(figure, 1, run.states.time_s, np.degrees(run.error_rad),
           'error', INK)
     if run.scenario is not None:
         _level(figure, 1, run.scenario.acceptance.attitude_tolerance_deg, 'tolerance')
+    if config is not None and (reference := motion.bang_bang(run, config)) is not None:
+        _line(figure, 1, *reference, 'bang-bang', '#E69F00', dash='dot')
     for axis, (name, colour) in enumerate(zip(AXIS_NAMES, AXIS_COLOURS, strict=True)):
         _line(figure, 2, run.states.time_s, run.states.omega_BN_B[:, axis], name, colour)
         _line(figure, 3, run.commands.time_s, run.commands.torque_B_n_m[:, axis], name, colour,
@@ -68,7 +75,22 @@ def histories(run: BagRun) -> go.Figure:
     if cones:
         _level(figure, 6, 0.0, 'limit')
     first = 7 if cones else 6
-    for row, (quantity, named) in enumerate(devices.items(), start=first):
+    _devices(figure, first, run, config)
+    first += len(devices)
+    for row, curves in enumerate(further.values(), start=first):
+        for (name, values), colour in zip(curves.items(), (*AXIS_COLOURS, INK)):
+            _line(figure, row, run.states.time_s, values, name, colour)
+    _finish(figure, [run], first - 1 + len(further))
+    for time_s in measures.commands_at_s(run):
+        figure.add_vline(x=time_s, line={'color': LIMIT_COLOUR, 'width': 1, 'dash': 'dot'})
+    return figure
+
+
+def _devices(
+    figure: go.Figure, first: int, run: BagRun, config: AttitudeMpcConfig | None,
+) -> None:
+    """Add what the devices did, from a panel on, with the limits of wheels."""
+    for row, (quantity, named) in enumerate(run.ticks.devices.items(), start=first):
         for (name, each), colour in zip(named.items(), itertools.cycle(RUN_COLOURS)):
             _line(figure, row, measures.tick_times_s(run), each, name, colour, shape='hv')
         wheels = None if config is None else config.wheels
@@ -76,10 +98,20 @@ def histories(run: BagRun) -> go.Figure:
             _limits(figure, row, wheels.max_torque_n_m)
         elif wheels is not None and wheels.inertia_kg_m2 is not None:
             _limits(figure, row, wheels.max_momentum_n_m_s / wheels.inertia_kg_m2)
-    _finish(figure, [run], first - 1 + len(devices))
-    for time_s in measures.commands_at_s(run):
-        figure.add_vline(x=time_s, line={'color': LIMIT_COLOUR, 'width': 1, 'dash': 'dot'})
-    return figure
+
+
+def _motion(run: BagRun, config: AttitudeMpcConfig | None) -> dict[str, dict[str, Array]]:
+    """Return what follows from the states: curves by their names, by the titles of panels."""
+    q = motion.quaternions_wxyz(run)
+    found = {'quaternion': dict(zip(('x', 'y', 'z', 'w'), q[:, [1, 2, 3, 0]].T))}
+    if config is not None and config.target == 'attitude':
+        found = {'error by axis [deg]': dict(zip(
+            AXIS_NAMES, motion.error_vectors_deg(run).T))} | found
+    if config is not None:
+        found['momentum, inertial [N m s]'] = dict(zip(
+            AXIS_NAMES, motion.momentum_N(run, config).T))
+        found['kinetic energy [J]'] = {'energy': motion.energy_j(run, config)}
+    return found
 
 
 def comparison(runs: Sequence[BagRun], names: Sequence[str]) -> go.Figure:
@@ -110,7 +142,8 @@ def _target(run: BagRun) -> str:
 
 def _panels(*titles: str) -> go.Figure:
     """Return a figure of panels above each other that share their time axis."""
-    figure = make_subplots(rows=len(titles), cols=1, shared_xaxes=True, vertical_spacing=0.028)
+    figure = make_subplots(rows=len(titles), cols=1, shared_xaxes=True,
+                           vertical_spacing=GAP / len(titles))
     for row, title in enumerate(titles, start=1):
         figure.update_yaxes(title_text=title, row=row, col=1)
     return figure
@@ -205,11 +238,11 @@ def _finish(figure: go.Figure, runs: Sequence[BagRun], rows: int) -> None:
     figure.update_xaxes(range=[0.0, end_s or 1.0], showgrid=True, gridcolor='#E6EAEE',
                         zeroline=False, linecolor='#B8C0C9')
     figure.update_xaxes(title_text='time [s]', row=rows, col=1)
-    figure.update_yaxes(gridcolor='#E6EAEE', zeroline=False, linecolor='#B8C0C9',
-                        title_font={'size': 12.5}, automargin=False)
+    figure.update_yaxes(exponentformat='power', gridcolor='#E6EAEE', zeroline=False,
+                        linecolor='#B8C0C9', title_font={'size': 12.5}, automargin=False)
     legends: dict[str, Any] = {
-        _legend(row): {'x': 1.01, 'y': 1.0 - (row - 1) / rows, 'yanchor': 'top',
-                       'font': {'size': 12}, 'tracegroupgap': 0}
+        _legend(row): {'x': 1.01, 'y': 1.0 - (row - 1) * (1.0 + GAP / rows) / rows,
+                       'yanchor': 'top', 'font': {'size': 12}, 'tracegroupgap': 0}
         for row in range(1, rows + 1)}
     figure.update_layout(
         height=PANEL_PX * rows + 80, margin={'l': 76, 'r': 150, 't': 32, 'b': 44}, font=_FONT,

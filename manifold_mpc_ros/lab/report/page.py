@@ -18,10 +18,12 @@ from plotly.offline import get_plotlyjs
 
 from manifold_mpc_ros.lab.recording.bags.run import BagRun
 from manifold_mpc_ros.lab.recording.bags.verdict import Verdict
-from manifold_mpc_ros.lab.report import histories, scene
+from manifold_mpc_ros.lab.report import histories, motion, scene
 from manifold_mpc_ros.lab.report.facts import facts
 from manifold_mpc_ros.lie import so3
 
+#: A limit that is exceeded by less, 0.0 % as it is shown, is one that is reached.
+PAST = 5e-4
 _FOLDER = files('manifold_mpc_ros.lab.report') / 'static'
 
 
@@ -93,6 +95,17 @@ def _rounded(values: Any) -> Any:
     return [float(f'{value:.7g}') if np.isfinite(value) else None for value in array]
 
 
+#: Limits whose names are not their key without the unit.
+_LABELS = {'settle_time_s': 'settling time', 'solver_time_p99_ms': 'solve time, 99 %'}
+_UNITS = ('_s', '_deg', '_ms', '_n_m', '_rad_s')
+
+
+def label(key: str) -> str:
+    """Return a limit's name for people: its key in words, without the unit."""
+    unit = next((each for each in sorted(_UNITS, key=len)[::-1] if key.endswith(each)), '')
+    return _LABELS.get(key, key[:len(key) - len(unit)].replace('_', ' '))
+
+
 def _badge(verdict: Verdict | None) -> str:
     """Return the verdict as a coloured word."""
     if verdict is None:
@@ -120,7 +133,7 @@ def _summary(reported: Sequence[Reported]) -> str:
 
 def _not_kept(verdict: Verdict | None) -> str:
     """Return the limits that were not kept."""
-    return ', '.join(verdict.failed) if verdict is not None else ''
+    return ', '.join(map(label, verdict.failed)) if verdict is not None else ''
 
 
 def _measured(reported: Reported, name: str) -> str:
@@ -139,7 +152,7 @@ def _section(reported: Reported, number: int | None) -> str:
     end_s = float(run.states.time_s[-1]) or 1.0
     anchor = '' if number is None else f' id="run-{number}"'
     return (f'<section class="run"{anchor}>{head}{_warnings(run)}'
-            f'<div class="top"><div>{_verdict_table(reported.verdict)}</div>'
+            f'<div class="top"><div>{_verdict_table(reported.verdict)}{_margins(run)}</div>'
             f'<div><h3>What ran</h3>{_facts(run)}</div></div>'
             '<div class="panes"><div class="plot histories"></div><div class="side">'
             '<div class="plot scene"></div>'
@@ -156,12 +169,24 @@ def _verdict_table(verdict: Verdict | None) -> str:
     if verdict is None:
         return '<h3>Verdict</h3><p>No acceptance limits are inside this bag.</p>'
     rows = ''.join(
-        f'<tr{"" if each.passed else " class=bad"}><td>{escape(each.name)}</td>'
+        f'<tr{"" if each.passed else " class=bad"}><td>{escape(label(each.name))}</td>'
         f'<td>{escape(each.limit)}</td><td>{escape(each.measured)}</td>'
         f'<td class="verdict {"good" if each.passed else "bad"}">'
         f'{"ok" if each.passed else "FAIL"}</td></tr>' for each in verdict.judgements)
     return ('<h3>Verdict</h3><table><thead><tr><th></th><th>limit</th><th>measured</th><th></th>'
             f'</tr></thead><tbody>{rows}</tbody></table>')
+
+
+def _margins(run: BagRun) -> str:
+    """Return what the run used of the controller's own limits."""
+    rows = ''.join(
+        f'<tr{" class=bad" if each.left < -PAST else ""}><td>{escape(each.name)}</td>'
+        f'<td>{escape(each.limit)}</td><td>{escape(each.measured)}</td>'
+        f'<td>{each.left if abs(each.left) >= PAST else 0.0:.1%}</td>'
+        '</tr>' for each in motion.margins(run))
+    return rows and (
+        '<h3 class="next">Margins</h3><table><thead><tr><th></th><th>limit</th><th>measured</th>'
+        f'<th>left</th></tr></thead><tbody>{rows}</tbody></table>')
 
 
 def _facts(run: BagRun) -> str:
