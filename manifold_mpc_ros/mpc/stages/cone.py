@@ -44,10 +44,10 @@ class ConeInequality(LocalInequality):
     #: Cones of one value.
     members: ClassVar[int] = 1
 
-    def __init__(self, rows: int) -> None:
+    def __init__(self, rows: int, graded: bool = False) -> None:
         """Make the fields; the directions are there in the caller's axes and in the target's."""
         self.cones = rows * self.members
-        super().__init__(rows)
+        super().__init__(rows, graded)
         self.direction_N = Field(f'{self.name}_direction_N', 3 * self.cones, Memory.MODEL)
         self.direction = Field(f'{self.name}_direction', 3 * self.cones, Memory.MODEL)
 

@@ -92,9 +92,9 @@ class StoredMomentum(NodeInequality):
     penalty = 1e4
     of_attitude = True
 
-    def __init__(self, rows: int) -> None:
+    def __init__(self, rows: int, graded: bool = False) -> None:
         """Make the fields; products of so many small numbers have to be in parts."""
-        super().__init__(rows)
+        super().__init__(rows, graded)
         self.parts = Field(f'{self.name}_parts', -(-rows // _PART), Memory.MODEL)
 
     @property
