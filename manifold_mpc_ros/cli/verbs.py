@@ -35,7 +35,7 @@ VERBS = {
     'tune': Verb(
         'tune.verb',
         'From inertia and limits to a controller file, checked by closed loops.',
-        ('rich',)),
+        ('matplotlib', 'rich')),
     'export': Verb(
         'export.verb',
         'Write the whole controller as plain C99, for flight computers.',

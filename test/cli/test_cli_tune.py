@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.config.controller import ControllerConfig
+from manifold_mpc_ros.control.moving.slew_profile import SlewPlanner
 from manifold_mpc_ros.lab.batch.model_loop import LoopingMpc
 from manifold_mpc_ros.lab.tune.rule import bang_bang_time_s
-from manifold_mpc_ros.lab.tune.trial import Slew, fly
+from manifold_mpc_ros.lab.tune.trial import Flyer, Slew, fly
 
 Command = Callable[..., tuple[int, str, str]]
 
@@ -30,18 +31,24 @@ def test_a_cubesat_settles_near_the_bound_with_the_file_written(
         command: Command, tmp_path: Path) -> None:
     (tmp_path / 'mine.yaml').write_text(CUBESAT, encoding='utf-8')
     path = tmp_path / 'controller.yaml'
-    status, out, err = command('tune', tmp_path / 'mine.yaml', '-o', path, '--slew', 0, 0, 180)
+    status, out, err = command('tune', tmp_path / 'mine.yaml', '-o', path, '--slew', 60, -30, 60)
     assert (status, err) == (0, ''), out
-    config = AttitudeMpcConfig.from_yaml(path)
+    controller = ControllerConfig.from_yaml(path)
+    config, slews = controller.mpc, SlewPlanner.from_config(controller)
     text = path.read_text(encoding='utf-8')
     assert 'state_source: imu' in text
-    assert '# hardest slew: 180 deg about (0, 0, 1): ' in text
-    bound = bang_bang_time_s(config, (0, 0, 1), np.pi)
+    assert '# hardest slew: 90 deg about (0.667, -0.333, 0.667): ' in text
+    assert 'torque_fraction: 0.97' in text
+    vector = np.radians([60.0, -30.0, 60.0])
+    bound = bang_bang_time_s(config, vector / (np.pi / 2), np.pi / 2)
     assert config.horizon * config.step_s > bound
-    (outcome,) = fly(LoopingMpc(config), [Slew(np.array([0, 0, np.pi]))], np.radians(0.1))
+    (outcome,) = fly(Flyer(LoopingMpc(config, moving=True), slews),
+                     [Slew(vector)], np.radians(0.1))
     assert outcome.infeasible == 0
     assert not outcome.broken
     assert outcome.settled_s < 1.1 * bound
+    assert outcome.peak_torque < 0.98
+    assert (tmp_path / 'controller.png').stat().st_size > 10_000
 
 
 @pytest.mark.parametrize('missing', ['limits.max_torque_n_m', 'spacecraft.inertia_kg_m2'])

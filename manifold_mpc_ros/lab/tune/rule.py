@@ -26,11 +26,13 @@ class Weights(NamedTuple):
     """What the rule chooses beside Qg = I.
 
     ``torque_angle_rad``: full torque costs what this error does. ``damping``: time constant of
-    the last approach, as a part of the time of a half turn.
+    the last approach, as a part of the time of a half turn. ``torque_fraction``: of the limits,
+    what slew profiles use; 0: setpoints are aimed at.
     """
 
     torque_angle_rad: float
     damping: float
+    torque_fraction: float = 0.0
 
 
 class Timing(NamedTuple):
@@ -81,11 +83,11 @@ def controller(values: Mapping[str, Value], timing: Timing, weights: Weights, ha
     """
     torque = np.asarray(values['limits.max_torque_n_m'], dtype=float)
     chosen: dict[str, Value] = {
-        'mpc.step_s': timing.step_s, 'mpc.horizon': timing.horizon,
+        'mpc.step_s': timing.step_s, 'mpc.horizon': timing.horizon, 'mpc.horizon_s': 0.0,
         'mpc.attitude_weight': [1.0] * 3,
         'mpc.rate_weight': [(weights.damping * half_turn) ** 2] * 3,
         'mpc.torque_weight': [(weights.torque_angle_rad / float(torque.max())) ** 2] * 3,
-        'mpc.terminal_constraint': True}
+        'mpc.terminal_constraint': True, 'slew_profile.torque_fraction': weights.torque_fraction}
     return chosen, AttitudeMpcConfig.from_parameters({**values, **chosen})
 
 

@@ -38,16 +38,12 @@ EXAMPLES = """\
   manifold-mpc tune mine.yaml -o mine_controller.yaml --gentler
       less torque, later
 """
-# Angles that full torque is worth, as multiples of the accuracy.
-FASTER, NORMAL, GENTLER = 2.0, 5.0, 100.0
 NEEDED = ('spacecraft.inertia_kg_m2', 'limits.max_torque_n_m', 'limits.max_rate_rad_s')
 # What controller and simulator have in common, and steps of the plant and states a period.
 SHARED = ('spacecraft.inertia_kg_m2', 'limits.max_torque_n_m')
 PLANT_STEPS, STATES = 20, 10
-# Part of the period that 99 % of the solves may take; bodies and disturbances of the margins.
+# Part of the period that 99 % of the solves may take.
 SOLVE_PART = 0.5
-MARGINS = (('inertia 10 % larger', 1.1, 0.0), ('inertia 10 % smaller', 0.9, 0.0),
-           ('2 % of the torque as disturbance', 1.0, 0.02))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -64,17 +60,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='the slew to be flown, rotation vector in degrees (default: quarter '
                              'and half turns about five axes)')
     pace = parser.add_mutually_exclusive_group()
-    pace.add_argument('--faster', dest='effort', action='store_const', const=FASTER,
-                      help='full torque for smaller errors')
-    pace.add_argument('--gentler', dest='effort', action='store_const', const=GENTLER,
-                      help='less torque, slower slews')
-    parser.set_defaults(effort=NORMAL)
+    pace.add_argument('--faster', dest='pace', action='store_const', const='FASTER',
+                      help='98.5 %% of the torque, full torque for smaller errors')
+    pace.add_argument('--gentler', dest='pace', action='store_const', const='GENTLER',
+                      help='half of the torque, slower slews')
+    parser.set_defaults(pace='NORMAL')
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Tune, print, write; 0 when all loops settled within their limits and solves fit."""
     from manifold_mpc_ros.cli import console as report
     from manifold_mpc_ros.lab.tune import choice, trial
+    from manifold_mpc_ros.lab.tune.trade import plot_trade
     console = report.make_console()
     given = read_parameter_file(arguments.spacecraft, CONTROLLER_NAME)
     values = _values(given)
@@ -82,19 +79,22 @@ def run(arguments: argparse.Namespace) -> int:
     slews = (trial.default_slews() if arguments.slew is None
              else [trial.Slew(np.radians(arguments.slew))])
     with console.status('Closing loops') as status:
-        trials = choice.try_dampings(
-            values, arguments.effort, accuracy, slews, arguments.step,
-            lambda damping: status.update(f'Closing loops with damping {damping:g}'))
-    best = choice.best_of(trials)
+        trials = choice.try_all(
+            values, getattr(choice, arguments.pace), accuracy, slews, arguments.step,
+            lambda weights: status.update(f'Closing loops with damping {weights.damping:g}, '
+                                          f'profile of {weights.torque_fraction:g}'))
+        best = choice.best_of(trials)
+        status.update('Closing loops with other torques and horizons')
+        picture = plot_trade(values, best, accuracy, arguments.output.with_suffix('.png'))
     hardest = best.hardest
-    times_s = trial.solve_times_s(best.mpc, hardest.slew)
-    rows = _rows(best, hardest, accuracy, times_s)
+    times_s = trial.solve_times_s(best.flyer, hardest.slew)
+    rows = _rows(best, hardest, times_s)
     console.print(report.grid_table(
-        'Weights tried', ('damping', 'worst settling / bound', 'median', 'ticks infeasible'),
-        [_candidate_row(each) for each in trials]))
+        'Tried', ('profile', 'damping', 'worst settling / bound', 'median', 'off the model',
+                  'ticks infeasible'), [_candidate_row(each) for each in trials]))
     console.print(report.result_table('Chosen', rows))
     _write(arguments.output, given, _simulator(arguments.spacecraft), best, rows)
-    report.say_written(console, [arguments.output])
+    report.say_written(console, [arguments.output, picture])
     return _verdict(console, best, hardest, times_s)
 
 
@@ -117,21 +117,19 @@ def _simulator(path: Path) -> Mapping[str, Any]:
 def _candidate_row(each: Trial) -> tuple[str, ...]:
     """Return what a choice of weights did."""
     ratios = [outcome.ratio for outcome in each.outcomes]
-    return (f'{each.weights.damping:g}', f'{max(ratios):.3f}', f'{np.median(ratios):.3f}',
+    return (f'{each.weights.torque_fraction:g}' if each.flyer.slews else 'none',
+            f'{each.weights.damping:g}', f'{max(ratios):.3f}', f'{np.median(ratios):.3f}',
+            f'{max(outcome.ratio for outcome in each.margins):.3f}',
             str(sum(outcome.infeasible for outcome in each.outcomes)))
 
 
-def _rows(best: Trial, hardest: Outcome, accuracy: float, times_s: np.ndarray
-          ) -> list[tuple[str, str]]:
+def _rows(best: Trial, hardest: Outcome, times_s: np.ndarray) -> list[tuple[str, str]]:
     """Return what was decided, why, and what it does."""
-    from manifold_mpc_ros.lab.tune import trial
-    config, weights = best.mpc.config, best.weights
+    from manifold_mpc_ros.lab.tune.choice import MARGINS
+    config, weights = best.flyer.mpc.config, best.weights
     half_turn = rule.half_turn_s(config)
-    margins = []
-    for name, inertia, disturbance in MARGINS:
-        (outcome,) = trial.fly(best.mpc, [hardest.slew], accuracy, inertia_factor=inertia,
-                               disturbance_part=disturbance)
-        margins.append((name, _settled(outcome) + f', {outcome.infeasible} ticks infeasible'))
+    margins = [(name, _settled(outcome) + f', {outcome.infeasible} ticks infeasible')
+               for (name, _, _), outcome in zip(MARGINS, best.margins)]
     return [
         ('half turn', f'{half_turn:.4g} s, bang-bang about the slowest axis'),
         ('step', f'{config.step_s:g} s, {half_turn / config.step_s:.0f} steps a half turn'),
@@ -139,11 +137,13 @@ def _rows(best: Trial, hardest: Outcome, accuracy: float, times_s: np.ndarray
          f'{config.steps.times_s[-1] / half_turn:.3g} half turns'),
         ('torque weight', 'full torque costs what an error of '
          f'{np.degrees(weights.torque_angle_rad):.3g} deg does'),
+        ('slews', f'by a profile of {100 * weights.torque_fraction:g} % of torque and rate limits'
+         if weights.torque_fraction else 'aimed at the setpoint, quicker than by a profile'),
         ('rate weight', f'(damping {weights.damping:g} x half turn)^2'),
         ('hardest slew', f'{hardest.slew.text}: {_settled(hardest)}, '
          f'{100 * hardest.peak_torque:.0f} % of the torque'),
         *margins,
-        ('solve time', f'p99 {1e3 * np.percentile(times_s, 99):.3g} ms, first '
+        ('solve, processor time', f'p99 {1e3 * np.percentile(times_s, 99):.3g} ms, first '
          f'{1e3 * times_s[0]:.3g} ms, of a period of {1e3 * config.step_s:.4g} ms'),
     ]
 
@@ -159,7 +159,7 @@ def _settled(outcome: Outcome) -> str:
 def _write(path: Path, given: Mapping[str, Any], simulator: Mapping[str, Any], best: Trial,
            rows: Sequence[tuple[str, str]]) -> None:
     """Write the parameters of both nodes, what they share once, with the reasons as comments."""
-    step_s = best.mpc.config.step_s
+    step_s = best.flyer.mpc.config.step_s
     chosen = {**given, **best.chosen}
     plant = {**simulator, 'timing.control_period_s': step_s,
              'plant.step_s': step_s / PLANT_STEPS, 'timing.state_period_s': step_s / STATES}
@@ -190,7 +190,7 @@ def _nested(values: Mapping[str, Any]) -> dict[str, Any]:
 
 def _verdict(console: Console, best: Trial, hardest: Outcome, times_s: np.ndarray) -> int:
     """Say what is not good enough; return 0 when all is."""
-    config = best.mpc.config
+    config = best.flyer.mpc.config
     wrong = []
     if any(outcome.infeasible for outcome in best.outcomes):
         wrong.append('ticks without a plan into the terminal set: a longer horizon, --gentler')

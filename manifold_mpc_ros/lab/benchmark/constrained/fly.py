@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,22 +12,23 @@ import numpy as np
 
 from manifold_mpc_ros.config.cones import joined
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample
+from manifold_mpc_ros.control.moving.slew_profile import SlewPlanner
 from manifold_mpc_ros.control.response.observer import ResponseObserver, ResponseSettings
+from manifold_mpc_ros.control.target import FixedTarget
 from manifold_mpc_ros.control.torque_history import TorqueHistory
 from manifold_mpc_ros.lab.benchmark.constrained.plant import Bodies
 from manifold_mpc_ros.lab.benchmark.constrained.slews import Slew
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
-from manifold_mpc_ros.mpc.reference import Reference
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution
 from manifold_mpc_ros.mpc.target import attitude_towards
 
 SEED = 12
 #: The plant takes so many steps in one of the predictor, and with cones none above 10 ms.
 FINER, SAMPLE_S = 100, 0.01
-#: Part of the torque and rate limits that a profile uses.
-PROFILE_PART = 0.985
+#: Part of the torque and rate limits that a profile uses, and the angle from which one begins.
+PROFILE_PART, SMALLEST_RAD = 0.985, 0.1
 
 
 @dataclass
@@ -47,6 +47,7 @@ class Pilot:
                                moving=self.slew.profile)
         self.R_ND = attitude_towards(self.config, self.turned @ self.slew.target) \
             if self.slew.axis_B is not None else self.turned @ self.slew.target
+        self._slews = SlewPlanner(self.config, PROFILE_PART, SMALLEST_RAD)
         self._sent, self._observer = TorqueHistory(10 * self._tick_ns), None
         if self.slew.observed:
             self._observer = ResponseObserver(self.config, ResponseSettings(
@@ -64,7 +65,9 @@ class Pilot:
         if self.slew.wheels is not None:
             more['wheel_momentum_n_m_s'] = momenta
         if self.slew.profile:
-            more['reference'] = self.reference(len(self.answers))
+            more['reference'] = self._slews.target(
+                FixedTarget(self.R_ND), (R_NB, omega_BN_B), now_ns, {}).over_horizon(
+                    now_ns, self.slew.step_s, self.config.horizon)
         if self._observer is not None:
             self._observer.observe(StateSample(now_ns, R_NB, omega_BN_B), self._sent, 0)
             more['disturbance_B_n_m'] = self._observer.compensated_B_n_m
@@ -75,28 +78,6 @@ class Pilot:
         if answer.wheel_torque_n_m is None:
             return answer.torque_B_n_m, np.zeros(0)
         return np.zeros(3), answer.wheel_torque_n_m
-
-    def reference(self, tick: int) -> Reference:
-        """Return full torque, coasting and braking about the axis of the turn, from a tick on.
-
-        Each lasts a whole number of steps, as short as part of the limits lets them be.
-        """
-        start, config, h = self.turned @ self.slew.start, self.config, self.slew.step_s
-        turn = so3.log(start.T @ self.R_ND)
-        angle = float(np.linalg.norm(turn))
-        axis = turn / angle
-        assert config.max_torque_n_m is not None
-        effort = np.abs(config.inertia_kg_m2 @ axis) / config.max_torque_n_m
-        a = PROFILE_PART / float(effort.max())
-        rate = PROFILE_PART * min(float(limit.rate_about(axis)) for limit in config.rate_limits)
-        ramp = math.ceil(min((angle / a) ** 0.5, rate / a) / h)
-        whole = max(ramp, math.ceil(angle / h / min(h * ramp * a, rate)))
-        a = angle / (h ** 2 * ramp * whole)
-        k = np.clip(tick + np.arange(config.horizon + 1), 0, ramp + whole)
-        early, late = np.minimum(k, ramp), np.maximum(k - whole, 0)
-        place = a * h ** 2 * (early ** 2 / 2 + ramp * (k - early) - late ** 2 / 2)
-        return Reference(start @ so3.exp(place[:, None] * axis),
-                         a * h * (early - late)[:, None] * axis)
 
 
 @dataclass(frozen=True)

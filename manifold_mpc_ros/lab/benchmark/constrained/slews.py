@@ -30,7 +30,7 @@ class Slew:
 
     ``law`` holds what the predictor is told beside cones, wheels and target; ``margin_rad`` is
     kept back of the cones. Settled: error, rate and torque below ``settled_*`` for good.
-    ``profile``: the setpoint is a reference of full torque about the axis of the turn.
+    ``profile``: the setpoint is turned to by a slew profile, as in what flies.
     ``observed``: the disturbance is estimated. Body torques act ideally where there are no wheels.
     """
 
