@@ -2,14 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Random problems with cones: the search beside IPOPT from many starts, and closed loops.
 
-    python benchmarks/cone_problems.py ipopt FILE.jsonl [--problems 2000] [--starts 24]
+    python benchmarks/cone_problems.py ipopt FILE.jsonl [--problems 0 2200] [--starts 24]
     python benchmarks/cone_problems.py compare FILE.jsonl [--loops 200] [--output FILE.json]
 
 Problem i comes from the generator of seed (12, i): 1 to 4 cones of 1 to 3 boresights, start and
 target that keep them by 0.1 rad, such that the straight way from one to the other crosses a cone.
+From problem 2000 on there are 1 or 2 such cones, and a group of 2 to 4 Sun sensors of which any
+one has to see the Sun.
 The first command appends the costs of IPOPT from so many starts, a line a problem, and goes on
 where it was stopped. The second solves the problems of such a file, integrates every plan 50 times
-finer, and closes loops. A plan is dearer when its cost is above IPOPT's best by more than 1e-6.
+finer, and closes loops; of problems with groups alone the result is a part of the file that is
+there. A plan is dearer when its cost is above IPOPT's best by more than 1e-6.
 """
 
 from __future__ import annotations
@@ -19,12 +22,15 @@ import itertools
 import json
 import time
 from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from manifold_mpc_ros import AttitudeMpc, AttitudeMpcConfig, AttitudeMpcSolution, Cone
+from manifold_mpc_ros.config.cones import joined
 from manifold_mpc_ros.lab.benchmark.constrained.oracle import ConeOracle, starts
 from manifold_mpc_ros.lab.benchmark.constrained.plant import Bodies
 from manifold_mpc_ros.lab.campaign.random_cones import random_cones, straight_way
@@ -35,7 +41,7 @@ from manifold_mpc_ros.terminal.design import TerminalDesign
 from manifold_mpc_ros.terminal.problem_of import terminal_design
 
 RESULT = Path(__file__).parents[1] / 'docs' / 'results' / 'cone_problems.json'
-MOST_CONES = 4
+MOST_CONES, PLAIN = 4, 2000
 LEAST_RAD = 0.1
 TOLERANCE, FINER, TICKS, SETTLED_RAD = 1e-6, 50, 80, 1e-2
 J = np.diag([1.0, 0.9, 0.6])
@@ -57,8 +63,13 @@ class Problem(NamedTuple):
     def relative(self) -> tuple[Array, list[Cone]]:
         """The attitude and the cones (kept between samples too) in the target's axes."""
         return self.R_ND.T @ self.R_NB, [
-            Cone(each.name, each.axis_B, self.R_ND.T @ each.direction_N, each.half_angle_rad,
-                 each.kind) for each in self.config.kept_cones]
+            replace(each, direction_N=self.R_ND.T @ each.direction_N)
+            for each in self.config.kept_cones]
+
+    @property
+    def members(self) -> int:
+        """The cones of its group, which are the last ones."""
+        return sum(each.group is not None for each in self.config.cones)
 
 
 def problem(index: int) -> Problem:
@@ -66,14 +77,23 @@ def problem(index: int) -> Problem:
     rng = np.random.default_rng((12, index))
     while True:
         cones = random_cones(
-            rng, most=MOST_CONES, most_axes=3, half_angle_rad=(0.2, 0.9), keep_in_part=0.3,
-            keep_in_half_angle_rad=(1.2, 2.4))
+            rng, most=MOST_CONES if index < PLAIN else 2, most_axes=3, half_angle_rad=(0.2, 0.9),
+            keep_in_part=0.3, keep_in_half_angle_rad=(1.2, 2.4))
+        if index >= PLAIN:
+            sun, *axes = rng.standard_normal((int(rng.integers(3, 6)), 3))
+            cones += [Cone(f'sensor{i}', axis, sun, rng.uniform(1.0, 1.5), 'keep_in', 'sun')
+                      for i, axis in enumerate(axes)]
         R_NB, R_ND = so3.random_rotations(rng, 2)
         omega = rng.uniform(-0.1, 0.1, 3)
         way = straight_way(R_NB, R_ND)
-        margins = np.min([cone.margins_rad(way) for cone in cones], axis=0)
+        margins = np.min(list(margins_rad(cones, way).values()), axis=0)
         if margins[[0, -1]].min() > LEAST_RAD and margins.min() < 0.0:
             return Problem(AttitudeMpcConfig(**BODY, cones=cones), R_NB, omega, R_ND)
+
+
+def margins_rad(cones: Sequence[Cone], R_NB: Array) -> dict[str, Array]:
+    """Map attitudes (n, 3, 3) to the angles (n,) by which each cone or group is kept, by name."""
+    return joined(cones, np.array([cone.margins_rad(R_NB) for cone in cones]))
 
 
 def level_of(given: Problem, design: TerminalDesign) -> float:
@@ -86,12 +106,17 @@ def level_of(given: Problem, design: TerminalDesign) -> float:
 def solve_by_ipopt(path: Path, indices: range, most: int) -> None:
     """Append a line for every problem that the file has not yet."""
     design = terminal_design(AttitudeMpcConfig(**BODY))
-    oracle = ConeOracle(AttitudeMpcConfig(**BODY), design.P, MOST_CONES)
+    oracles: dict[int, ConeOracle] = {}
     done = {row['problem'] for row in rows_of(path)}
     for index in indices:
         if index in done:
             continue
-        given, begin = problem(index), time.process_time()
+        given = problem(index)
+        members = given.members
+        if members not in oracles:
+            oracles[members] = ConeOracle(AttitudeMpcConfig(**BODY), design.P,
+                                          2 + members if members else MOST_CONES, members)
+        oracle, begin = oracles[members], time.process_time()
         R, cones = given.relative
         rng = np.random.default_rng((13, index))
         level = level_of(given, design)
@@ -102,6 +127,11 @@ def solve_by_ipopt(path: Path, indices: range, most: int) -> None:
                 'problem': index, 'costs': [cost if np.isfinite(cost) else None
                                             for cost in found],
                 'cpu_s': round(time.process_time() - begin, 3)}) + '\n')
+
+
+def have_groups(path: Path) -> bool:
+    """Return whether the problems of a file are those with groups: a part of the result."""
+    return all(row['problem'] >= PLAIN for row in rows_of(path))
 
 
 def rows_of(path: Path) -> list[dict[str, Any]]:
@@ -170,27 +200,31 @@ def close_loop(mpc: AttitudeMpc, given: Problem) -> dict[str, Any]:
         'rise': max((after.cost - before.promised_cost) / max(before.cost, 1e-3)
                     for before, after in itertools.pairwise(plans)),
         'least_deg': float(np.degrees(min(
-            cone.margins_rad(seen).min() for cone in given.config.cones)))}
+            each.min() for each in margins_rad(given.config.cones, seen).values())))}
 
 
 def least_angle_deg(flown: list[tuple[Problem, AttitudeMpcSolution]]) -> float:
     """Return the least angle to a cone of bodies under their plans, integrated finer."""
     bodies = Bodies.at_rest(J, np.zeros((3, 0)), np.array([given.R_NB for given, _ in flown]))
     bodies.omega = np.array([given.omega_BN_B for given, _ in flown])
-    n = len(flown)
-    axes, directions = np.zeros((2, n, MOST_CONES, 3))
-    signs, halves = np.ones((n, MOST_CONES)), np.full((n, MOST_CONES), -np.pi)
+    n, most = len(flown), max(len(given.config.cones) for given, _ in flown)
+    axes, directions = np.zeros((2, n, most, 3))
+    signs, halves = np.ones((n, most)), np.full((n, most), -np.pi)
+    grouped = np.zeros((n, most), dtype=bool)
     for i, (given, _) in enumerate(flown):
         for k, cone in enumerate(given.config.cones):
             axes[i, k], directions[i, k] = cone.axis_B, cone.direction_N
             signs[i, k], halves[i, k] = cone.sign, cone.half_angle_rad
+            grouped[i, k] = cone.group is not None
     least = np.inf
     for k in range(BODY['horizon']):
         torque = np.array([plan.torques_B_n_m[k] for _, plan in flown])
         for _ in range(FINER):
             cosine = np.einsum('nij,nkj,nki->nk', bodies.R_NB, axes, directions)
-            angle = np.arccos(np.clip(cosine, -1.0, 1.0))
-            least = min(least, float((signs * (angle - halves)).min()))
+            margins = signs * (np.arccos(np.clip(cosine, -1.0, 1.0)) - halves)
+            best = np.where(grouped, margins, -np.inf).max(axis=1)
+            least = min(least, float(margins[~grouped].min()),
+                        float(best[grouped.any(axis=1)].min(initial=np.inf)))
             bodies.step(torque, np.zeros((n, 0)), BODY['step_s'] / FINER)
     return float(np.degrees(least))
 
@@ -201,15 +235,17 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('what', choices=('ipopt', 'compare'))
     parser.add_argument('file', type=Path)
-    parser.add_argument('--problems', type=int, default=2000)
+    parser.add_argument('--problems', type=int, nargs=2, default=(0, 2200))
     parser.add_argument('--starts', type=int, default=24)
     parser.add_argument('--loops', type=int, default=200)
     parser.add_argument('--output', type=Path, default=RESULT)
     arguments = parser.parse_args()
     if arguments.what == 'ipopt':
-        solve_by_ipopt(arguments.file, range(arguments.problems), arguments.starts)
+        solve_by_ipopt(arguments.file, range(*arguments.problems), arguments.starts)
         return
     data = compare(arguments.file, arguments.loops)
+    if have_groups(arguments.file):
+        data = json.loads(arguments.output.read_text(encoding='utf-8')) | {'groups': data}
     arguments.output.write_text(json.dumps(data, indent=1) + '\n', encoding='utf-8')
     print(json.dumps(data, indent=1))
 

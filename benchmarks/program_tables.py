@@ -111,26 +111,44 @@ def cone_times(data: dict[str, Any]) -> str:
 
 
 def cone_problems(data: dict[str, Any]) -> str:
-    """Return what became of random problems with cones, and which plans are dearer."""
+    """Return what became of random problems with cones, without and with a group of sensors."""
+    columns = [_problems(data), *([_problems(data['groups'])] if 'groups' in data else [])]
+    names = ['', 'cones', 'and one of 2 to 4 Sun sensors that sees the Sun'][:1 + len(columns)]
+    return table(names, [[key, *(each[key] for each in columns)] for key in columns[0]])
+
+
+def _problems(data: dict[str, Any]) -> dict[str, str]:
+    """Return a column: what became of such problems, and which plans are dearer."""
     starts = ', '.join(f'{count:,} from {n}' for n, count in data['starts_of_ipopt'].items())
     loops, search = data['loops'], data['search_cpu_ms']
     dearer = '; '.join(f'problem {row["problem"]} ({row["cones"]} cones) by '
                        f'{100 * row["excess"]:.2g} %' for row in data['dearer'])
-    return table(['', ''], [
-        ['problems that IPOPT was asked, from so many starts each', starts],
-        ['solved by IPOPT, and of those not by us',
-         f'{data["solved_by_ipopt"]:,}, {len(data["not_solved_but_by_ipopt"])}'],
-        ['ours dearer than the best of IPOPT by more than 1e-6',
-         ': '.join(filter(None, [str(len(data['dearer'])), dearer]))],
-        ["IPOPT's best dearer than ours", str(data['ipopt_dearer'])],
-        ['least angle to a cone under a plan, integrated 50 times finer [deg]',
-         f'{data["least_angle_to_a_cone_deg"]:.2f}'],
-        ['first search, processor time, median / 99 % [ms]',
-         f'{search["median"]:.0f} / {search["p99"]:.0f}'],
-        ['loops closed, settled, feasible at every tick',
-         f'{loops["count"]}, {loops["settled"]}, {loops["feasible_at_every_tick"]}'],
-        ['largest rise of the value above the bound V - L, relative',
-         f'{loops["largest_rise_above_promise"]:.1e}']])
+    return {
+        'problems that IPOPT was asked, from so many starts each': starts,
+        'solved by IPOPT, and of those not by us':
+            f'{data["solved_by_ipopt"]:,}, {len(data["not_solved_but_by_ipopt"])}',
+        'ours dearer than the best of IPOPT by more than 1e-6':
+            ': '.join(filter(None, [str(len(data['dearer'])), dearer])),
+        "IPOPT's best dearer than ours": str(data['ipopt_dearer']),
+        'least angle to a cone under a plan, integrated 50 times finer [deg]':
+            f'{data["least_angle_to_a_cone_deg"]:.2f}',
+        'first search, processor time, median / 99 % [ms]':
+            f'{search["median"]:.0f} / {search["p99"]:.0f}',
+        'loops closed, settled, feasible at every tick':
+            f'{loops["count"]}, {loops["settled"]}, {loops["feasible_at_every_tick"]}',
+        'largest rise of the value above the bound V - L, relative':
+            f'{loops["largest_rise_above_promise"]:.1e}'}
+
+
+def moving_cones(data: dict[str, Any]) -> str:
+    """Return the least angles to a Sun that passes through the target."""
+    return table(['torque limit [N m]', 'Sun [deg/s]', 'a message every', 'followed [deg]',
+                  'taken for fixed [deg]'],
+                 [[f'{row["max_torque_n_m"]:g}', f'{row["sun_deg_s"]:g}',
+                   f'{row["message_s"]:g} s', *(f'{row[key]["least_angle_deg"]:.2f}'
+                                                for key in ('followed', 'taken_for_fixed'))]
+                  for row in data['rows']])
+
 
 
 def calls(data: dict[str, Any]) -> str:

@@ -31,6 +31,7 @@ from program_tables import (
     light,
     lines,
     mcap,
+    moving_cones,
     table,
 )
 
@@ -235,6 +236,7 @@ TABLES: dict[str, tuple[str, Callable[..., str]]] = {
     'fleet': ('fleet', fleet),
     'cones': ('constrained', lambda data: _with_picture(cones(data), 'constrained')),
     'cone-times': ('constrained', cone_times), 'cone-problems': ('cone_problems', cone_problems),
+    'moving-cones': ('moving_cones', moving_cones),
     'calls': ('calls', calls),
     'export-targets': ('export', exported_targets), 'export-sizes': ('export', exported_sizes),
     'targets': ('references', lambda data: _with_picture(moving.targets(data), 'references')),

@@ -3,9 +3,10 @@
 """Cones without a plan: a torque is let through while the body can still stop clear of them.
 
 A *stop* is a path of the model: a constant torque for some steps, then braking to rest along the
-momentum, both within the torque limits; the torque gives way to braking where it would add
-momentum beyond a rate limit. Its cost is the sum, over the steps of a fixed time, of the angle by
-which the tightened cones are violated (docs/theory.md, section 13). Of the stops
+momentum, both within the torque limits and scaled into what reaction wheels give; the torque gives
+way to braking where it would add momentum beyond a rate limit. Its cost is the sum, over the steps
+of a fixed time, of the angle by which the tightened cones, where they will be then, are violated
+(docs/theory.md, section 13). Of the stops
 
     the torque that is wanted for one step; braking at once; the rest of the last stop;
     1, 2, 4, 8, 16 steps of the largest torque in each of 26 directions
@@ -21,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from manifold_mpc_ros.config.cones import Cone, joined
+from manifold_mpc_ros.config.cones import Cone, joined, tightened
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.rate_limits import rates_beyond
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
@@ -52,6 +53,7 @@ class ConeGuard:
         assert config.max_torque_n_m is not None  # as cones need it
         self._config, self._cones = config, config.kept_cones
         self._limit = config.max_torque_n_m
+        self._wheels = None if config.wheels is None else config.wheels.torques
         self._inverse = np.asarray(np.linalg.inv(config.inertia_kg_m2), dtype=np.float64)
         self._braking = config.inertia_kg_m2 / (BRAKING_STEPS * config.step_s)
         self._swerves = _Stops(np.tile(_DIRECTIONS * self._limit, (len(_SWERVES), 1)),
@@ -71,23 +73,31 @@ class ConeGuard:
         """
         torque, brake = self._costs(
             R_NB, omega_BN_B, _Stops(np.array([torque_B_n_m, np.zeros(3)]), np.array([1.0, 0.0])),
-            directions_N, self._config.cones if relaxed else self._cones)
+            directions_N, self._config.cones if relaxed else self._kept(directions_N))
         return bool(torque <= max(EQUAL_RAD, brake))
 
     def keep(self, R_NB: Array, omega_BN_B: Array, torque_B_n_m: Array,
              directions_N: Mapping[str, Array]) -> Array:
         """Map the torque that is wanted to that of the best stop (3,) [N m]."""
-        stops = _Stops(torque_B_n_m[None], np.ones(1))
-        costs = self._costs(R_NB, omega_BN_B, stops, directions_N, self._cones)
+        stops, cones = _Stops(torque_B_n_m[None], np.ones(1)), self._kept(directions_N)
+        costs = self._costs(R_NB, omega_BN_B, stops, directions_N, cones)
         if costs[0] > EQUAL_RAD:
             stops = _Stops(*map(np.concatenate, zip(
                 _Stops(np.array([torque_B_n_m, np.zeros(3)]), np.array([1.0, 0.0])),
                 self._rest, self._swerves)))
-            costs = self._costs(R_NB, omega_BN_B, stops, directions_N, self._cones)
+            costs = self._costs(R_NB, omega_BN_B, stops, directions_N, cones)
         best = int(np.flatnonzero(costs <= costs.min() + EQUAL_RAD)[0])
         chosen = _Stops(stops.torques_B_n_m[[best]], stops.steps[[best]])
         self._rest = _Stops(chosen.torques_B_n_m, chosen.steps - 1.0)
         return self._torques(omega_BN_B[None], chosen, 0)[0]
+
+    def _kept(self, directions_N: Mapping[str, Array]) -> tuple[Cone, ...]:
+        """Return the cones that are kept between steps too, while directions (N + 1, 3) move."""
+        moved = [np.linalg.norm(np.diff(np.atleast_2d(directions_N[each.name]), axis=0),
+                                axis=1).max(initial=0.0) if each.name in directions_N else 0.0
+                 for each in self._cones]
+        return self._cones if not any(moved) else tightened(
+            self._config.cones, self._config.between_samples, moved)
 
     def _costs(self, R_NB: Array, omega_BN_B: Array, stops: _Stops,
                directions_N: Mapping[str, Array], cones: Sequence[Cone]) -> Array:
@@ -95,13 +105,15 @@ class ConeGuard:
         n = len(stops.steps)
         R, omega = np.tile(R_NB, (n, 1, 1)), np.tile(omega_BN_B, (n, 1))
         cost, inside, step_s = np.zeros(n), np.zeros(n), self._config.step_s
+        last = max([stops.steps.max(), *(
+            len(each) - 1 for each in directions_N.values() if each.ndim == 2)])
         for step in range(LONGEST_STOP):
             left = BRAKING_STEPS * step_s * np.abs(omega).max()
-            if step >= stops.steps.max() and left < AT_REST_RAD:
+            if step >= last and left < AT_REST_RAD:
                 return cost + (LONGEST_STOP - step) * inside
             R, omega = lgvi_step(R, omega, self._torques(omega, stops, step),
                                  inertia_kg_m2=self._config.inertia_kg_m2, step_s=step_s)
-            margins = np.array([cone.margins_rad(R, directions_N.get(cone.name))
+            margins = np.array([cone.margins_rad(R, _at(directions_N.get(cone.name), step + 1))
                                 for cone in cones])
             least = np.min(list(joined(cones, margins).values()), axis=0)
             inside = np.maximum(0.0, -least)
@@ -118,4 +130,15 @@ class ConeGuard:
         faster = np.linalg.norm(after, axis=1) > np.linalg.norm(before, axis=1)
         beyond = rates_beyond(self._config.rate_limits, after @ self._inverse, 0.0)
         brakes = (step >= stops.steps) | (beyond & faster)
-        return np.where(brakes[:, None], brake, stops.torques_B_n_m)
+        torques = np.where(brakes[:, None], brake, stops.torques_B_n_m)
+        if self._wheels is not None:
+            parts = np.abs(torques @ self._wheels.normals.T) / self._wheels.bounds
+            torques /= np.maximum(1.0, np.max(parts, axis=1))[:, None]
+        return torques
+
+
+def _at(direction_N: Array | None, node: int) -> Array | None:
+    """Return the direction (3,) at a node: of (3,) itself, of (N + 1, 3) the last beyond N."""
+    if direction_N is None or direction_N.ndim == 1:
+        return direction_N
+    return np.asarray(direction_N[min(node, len(direction_N) - 1)])

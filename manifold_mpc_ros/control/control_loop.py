@@ -7,7 +7,7 @@ The loop gathers the facts, `ModeLogic` decides, and what the mode stands for is
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -27,6 +27,7 @@ from manifold_mpc_ros.control.input_gate import (
     to_ns,
 )
 from manifold_mpc_ros.control.modes import Decision, Facts, Mode, ModeLogic, SolveOutcome
+from manifold_mpc_ros.control.moving.directions import ConeDirections
 from manifold_mpc_ros.control.output_gate import OutputGate
 from manifold_mpc_ros.control.plan_watch import PlanWatch
 from manifold_mpc_ros.control.solver_thread import SolveRequest, SolveResult
@@ -39,8 +40,6 @@ from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 
 #: Where a torque comes from, by mode; the others command zero.
 _SOURCES = {Mode.NOMINAL: 'mpc', Mode.HOLD: 'plan', Mode.FALLBACK: 'fallback'}
-#: A direction that moved by more than this between two messages jumped [rad].
-DIRECTION_JUMP_RAD = 1e-3
 #: From these the torque comes back to the optimiser's gradually.
 _RETURNS = frozenset({Mode.FALLBACK, Mode.COAST, Mode.FAULT})
 
@@ -59,7 +58,7 @@ class ControlLoop:
     make_actuator
         What makes the actuator of a configuration.
 
-    ``sample`` is the latest state, None before the first; ``directions_N`` those of cones that
+    ``sample`` is the latest state, None before the first; ``directions`` those of cones that
     have come, by name. ``observer`` watches how the body answers, ``steady_error`` the error that
     is left, ``plan_watch``, ``body_watch`` what does not fit; ``slews`` plans profiles, or None.
     """
@@ -70,7 +69,7 @@ class ControlLoop:
     ) -> None:
         """Start without a state, at the initial setpoint."""
         self._hold = initial_setpoint == 'hold'
-        self.directions_N: Mapping[str, Array] = {}
+        self.directions = ConeDirections(law.config)
         self._make_actuator, self.gate = make_actuator, gate
         self.logic = ModeLogic(to_ns(law.config.step_s), to_ns(law.timeout_s))
         self.output = OutputGate(make_actuator(law.config))
@@ -96,6 +95,7 @@ class ControlLoop:
         self._law.solver.close()
         self._ahead.take(law)
         self._take(law)
+        self.directions.configure(law.config)
         self.output.actuator = self._make_actuator(law.config)
         self.logic.set_timeout(to_ns(law.timeout_s))
         self.gate.set_timeout(law.timeout_s)
@@ -155,13 +155,11 @@ class ControlLoop:
             self.jumps += target.moves
         self.target, self.commanded = target, True
 
-    def direct(self, name: str, direction_N: Array) -> None:
+    def direct(self, name: str, direction_N: Array, stamp_ns: int) -> None:
         """Take the unit direction (3,) of a cone; plans before one that jumps bound no value."""
-        jump = float(np.linalg.norm(direction_N - self.directions_N.get(name, direction_N)))
-        if jump > DIRECTION_JUMP_RAD:
+        if self.directions.take(name, direction_N, stamp_ns):
             self._void('the direction of a cone jumped')
             self._plan.unbind()
-        self.directions_N = {**self.directions_N, name: direction_N}
 
     def tick(self, at: TickTime) -> Command:
         """Return the command of this tick."""
@@ -228,11 +226,12 @@ class ControlLoop:
                 'the rate is beyond the guard of the implicit step')), None
         assert self.target is not None
         config, acting_ns = self._law.config, time_ns + self._ahead.delay_ns
+        directions_N = self.directions.over_horizon(acting_ns)
         target = self._flown = self.target if self.slews is None else self.slews.target(
-            self.target, (R_NB, omega_BN_B), acting_ns, self.directions_N, self._void)
+            self.target, (R_NB, omega_BN_B), acting_ns, self.directions.at(acting_ns), self._void)
         result = self._law.solver.solve(SolveRequest(
             time_ns, R_NB, omega_BN_B, target.at(acting_ns)[0], self._cold, self._epoch,
-            self._ahead.disturbance_B_n_m, self.directions_N, self.output.devices,
+            self._ahead.disturbance_B_n_m, directions_N, self.output.devices,
             target.over_horizon(acting_ns, config.step_s, config.horizon)))
         offer = Offer.INVALID if result is None else self._offer(result)
         facts = facts_of(age_ns, result, offer)
@@ -241,7 +240,7 @@ class ControlLoop:
         sure = usable and solution is not None and solution.status is not SolveStatus.INFEASIBLE
         if held_B_n_m is None or sure or self._fallback.allows(
                 R_NB, omega_BN_B, held_B_n_m + self._ahead.known_disturbance_B_n_m,
-                self.directions_N, relaxed=usable):
+                directions_N, relaxed=usable):
             return facts, solution
         self._plan.drop()
         detail = f'{facts.detail}; after its torque the body could not stop clear of the cones'
@@ -280,7 +279,8 @@ class ControlLoop:
             state = self.sample.R_NB, self.sample.omega_BN_B
         self.output.observe(state[1])
         torque_B_n_m = self._fallback.torque(
-            *state, self.target.at(time_ns)[0], self.directions_N)
+            *state, self.target.at(time_ns)[0],
+            self.directions.over_horizon(time_ns + self._ahead.delay_ns))
         return torque_B_n_m - self._ahead.known_disturbance_B_n_m
 
     def _flush(self, why: str) -> None:

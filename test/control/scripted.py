@@ -15,6 +15,7 @@ from manifold_mpc_ros.control.input_gate import StateGate, StateSample
 from manifold_mpc_ros.control.solver_thread import DirectSolver, solve_with
 from manifold_mpc_ros.errors import StepExistenceError
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 
 CONFIG = AttitudeMpcConfig(
@@ -73,7 +74,7 @@ def gate() -> StateGate:
 
 
 def loop_with(
-    solver: Script, config: AttitudeMpcConfig = CONFIG, setpoint: str = 'identity',
+    solver: Script | AttitudeMpc, config: AttitudeMpcConfig = CONFIG, setpoint: str = 'identity',
 ) -> ControlLoop:
     return ControlLoop(
         Law(config, DirectSolver(solve_with(solver)), TIMEOUT_S), gate(),

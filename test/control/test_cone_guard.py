@@ -13,6 +13,7 @@ from scripted import CONFIG, STEP_NS, Script, failed, loop_with
 from strategies import generator
 
 from manifold_mpc_ros.config.cones import Cone
+from manifold_mpc_ros.config.wheels import WheelArray
 from manifold_mpc_ros.control.cone_guard import ConeGuard
 from manifold_mpc_ros.control.fallback_law import FallbackLaw
 from manifold_mpc_ros.control.input_gate import StateSample
@@ -119,12 +120,27 @@ def test_a_rate_limit_is_kept_and_every_torque_is_within_the_limits() -> None:
         assert (np.abs(omega) <= 0.2 * (1.0 + 1e-3)).all()
 
 
-def near_the_sun(rate: float) -> tuple[Array, Array]:
-    """Return an attitude 5 degrees outside the Sun's cone, turning into it at a rate [rad/s]."""
+def near_the_sun(rate: float, away_deg: float = 5.0) -> tuple[Array, Array]:
+    """Return an attitude so far outside the Sun's cone, turning into it at a rate [rad/s]."""
     turn = np.cross([1.0, 0.0, 0.0], SUN.direction_N)
     turn /= np.linalg.norm(turn)
-    angle = np.arccos(SUN.direction_N[0]) - WEAK.kept_cones[0].half_angle_rad - np.deg2rad(5.0)
+    angle = np.arccos(SUN.direction_N[0]) - WEAK.kept_cones[0].half_angle_rad - np.deg2rad(
+        away_deg)
     return so3.exp(angle * turn), rate * turn
+
+
+def test_what_wheels_give_is_what_a_stop_counts_on() -> None:
+    """Limits of 0.3 N m, wheels of 0.01 N m: what the box stops in time, they do not."""
+    strong = dataclasses.replace(WEAK, max_torque_n_m=0.3, cones=(SUN,))
+    wheels = WheelArray(np.eye(3), np.full(3, 0.01), np.full(3, 10.0))
+    R, omega = near_the_sun(0.15, away_deg=30.0)
+    boxed, wheeled = (ConeGuard(dataclasses.replace(strong, wheels=each)) for each in (
+        None, wheels))
+    assert boxed.allows(R, omega, np.zeros(3), {}, relaxed=False)
+    assert not wheeled.allows(R, omega, np.zeros(3), {}, relaxed=False)
+    torque = wheeled.keep(R, omega, omega, {})
+    assert wheels.torques.gauge(torque) == pytest.approx(1.0)
+    assert torque @ omega < 0.0
 
 
 @pytest.mark.parametrize(('rate', 'mode'), [(0.0, Mode.HOLD), (0.15, Mode.FALLBACK)])
@@ -166,13 +182,13 @@ def test_after_a_jump_of_a_direction_no_old_plan_bounds_the_value(
 ) -> None:
     solver = Script(20)
     loop = loop_with(solver, WEAK)
-    loop.direct('sun', SUN.direction_N)
+    loop.direct('sun', SUN.direction_N, 0)
     R = so3.exp([0.0, 0.0, -0.5])
     solver.torque = np.zeros(3)
     loop.admit(StateSample(0, R, np.zeros(3)))
     assert loop.tick(LOCKSTEP).mode is Mode.NOMINAL
     moved_by = 0.1 if jump else 1e-4
-    loop.direct('sun', so3.exp([0.0, 0.0, moved_by]) @ SUN.direction_N)
+    loop.direct('sun', so3.exp([0.0, 0.0, moved_by]) @ SUN.direction_N, 0)
     solver.status, solver.cost = SolveStatus.FEASIBLE, 2.0
     loop.admit(StateSample(STEP_NS, R, np.zeros(3)))
     assert loop.tick(LOCKSTEP).mode is mode

@@ -9,6 +9,7 @@ typedef struct {
     double cost, logs, mu, exact;
     double stationarity, products, decrease;
     long horizon, flag, passes, total_passes;
+    long by_tenths;     /* the barrier falls by tenths only */
 } solve;
 
 static void take_fresh(solve *s)
@@ -43,6 +44,7 @@ static void begin(solve *s)
     s->flag = s->g[SUMS + 2] > 0.0 ? RUNNING : STALLED;
     s->stationarity = s->products = s->decrease = INFINITY;
     s->exact = 1.0;
+    s->by_tenths = 0;
     s->passes = 0;
 }
 
@@ -65,6 +67,7 @@ static void begin_shift(solve *s, double mu, const double *kept)
     run_shift(kept, s->fresh, s->model, s->g, s->horizon);
     run_warm(kept, s->fresh, s->model, s->g, s->horizon);
     begin(s);
+    s->by_tenths = CURVED;
     if (CURVED)
         s->exact = WARM_BLEND;
 }
@@ -137,7 +140,8 @@ static void one_pass(solve *s)
     }
     take_fresh(s);
     if (length >= READY_LENGTH && s->decrease < BARRIER_READY * s->mu)
-        s->mu = fmax(SMALLEST_BARRIER, fmin(BARRIER_FACTOR, CURVED ? 1.0 : sqrt(s->mu)) * s->mu);
+        s->mu = fmax(SMALLEST_BARRIER,
+                     fmin(BARRIER_FACTOR, s->by_tenths ? 1.0 : sqrt(s->mu)) * s->mu);
     s->exact = length < SHORT_LENGTH
         ? lowered(s->exact)
         : fmin(1.0, fmax(BLEND_UP * s->exact, SMALLEST_BLEND));

@@ -17,7 +17,8 @@ LARGE_FORCE = 10.0
 SMALLEST_BARRIER = 1e-9
 # Shrink the barrier once the model expects less decrease than this many times mu.
 BARRIER_READY = 300.0
-# By this, and by its root too where no limit curves (a full step leaves it by its square).
+# By this, and by its root, but in warm starts with limits that curve: by its square a full step
+# leaves them.
 BARRIER_FACTOR = 0.1
 # ... after a step of at least this length.
 READY_LENGTH = 0.9

@@ -44,14 +44,14 @@ class ConeInputs:
         """Add margins of the body and of its target, and what is wrong with either."""
         mpc, loop = self.config.mpc, self._loop
         warnings = []
+        directions_N = loop.directions.at(0 if loop.sample is None else loop.sample.stamp_ns)
         for cone in mpc.cones:
             if loop.sample is not None:
-                margin = float(cone.margins_rad(
-                    loop.sample.R_NB, loop.directions_N.get(cone.name)))
+                margin = float(cone.margins_rad(loop.sample.R_NB, directions_N.get(cone.name)))
                 status.values[f'cone.{cone.name}.margin_deg'] = math.degrees(margin)
         if mpc.cones and loop.sample is not None and loop.target is not None:
             R_ND, _ = loop.target.at(loop.sample.stamp_ns)
-            seen = directions(mpc.cones, loop.directions_N, 0)
+            seen = directions(mpc.cones, directions_N, 0)
             for name, margin in target_margins_rad(mpc, mpc.kept_cones, R_ND, seen).items():
                 status.values[f'cone.{name}.target_margin_deg'] = math.degrees(margin)
                 if margin < 0.0:
@@ -62,6 +62,8 @@ class ConeInputs:
         for name, (topic, timeout_s) in self.config.cone_topics.items():
             age_s = time.monotonic() - self._received_s[name]
             status.values[f'cone.{name}.direction_age_s'] = age_s
+            status.values[f'cone.{name}.direction_rate_deg_s'] = math.degrees(
+                loop.directions.rates_rad_s().get(name, 0.0))
             if age_s > timeout_s:
                 warnings.append(f'no direction on {topic} for {age_s:.0f} s: the last one holds')
         if warnings:
@@ -78,4 +80,4 @@ class ConeInputs:
             return
         self._received_s[name] = time.monotonic()
         self._count += 1
-        self._loop.direct(name, admitted)
+        self._loop.direct(name, admitted, messages.nanoseconds(message.header.stamp))

@@ -4,7 +4,8 @@
 
 As :mod:`..peers.oracle`, with the attitude quaternion of every node as an unknown: cones at
 every node make the problem without them dense. Written down and compiled once a configuration;
-initial state, cones and terminal level are parameters.
+initial state, cones and terminal level are parameters. Of a group of keep-in cones the mean of
+power 32 is kept, as docs/theory.md (25) has it.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
-from manifold_mpc_ros.config.cones import Cone
+from manifold_mpc_ros.config.cones import Cone, joined
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics import lgvi
 from manifold_mpc_ros.lab.benchmark.peers import oracle
@@ -33,13 +34,17 @@ _QUIET = {'print_time': False, 'error_on_fail': False}
 
 
 class ConeOracle:
-    """IPOPT on one configuration and up to ``most`` cones; P (6, 6) is its terminal design's."""
+    """IPOPT on one configuration and up to ``most`` cones; P (6, 6) is its terminal design's.
 
-    def __init__(self, config: AttitudeMpcConfig, P: Array, most: int) -> None:
+    The last ``members`` of the cones are a group of which any one is kept.
+    """
+
+    def __init__(self, config: AttitudeMpcConfig, P: Array, most: int, members: int = 0) -> None:
         """Write the problem down and compile it."""
         assert config.max_torque_n_m is not None
         assert config.max_rate_rad_s is not None
-        self.config, self._P, self._most = config, P, most
+        self.config, self._P, self._most, self._members = config, P, most, members
+        rows = most - members + (members > 0)
         nlp = self._write()
         with tempfile.TemporaryDirectory(prefix='oracle_') as folder:
             options = {**_QUIET, 'ipopt': IPOPT}
@@ -48,9 +53,9 @@ class ConeOracle:
         n = config.horizon
         torque, rate = config.max_torque_n_m, config.max_rate_rad_s
         above = np.concatenate([np.zeros(NODE), *(
-            [np.concatenate([np.zeros(NODE), torque, rate, np.zeros(most)])] * n), np.ones(1)])
+            [np.concatenate([np.zeros(NODE), torque, rate, np.zeros(rows)])] * n), np.ones(1)])
         below = np.concatenate([np.zeros(NODE), *(
-            [np.concatenate([np.zeros(NODE), -torque, -rate, np.full(most, -np.inf)])] * n),
+            [np.concatenate([np.zeros(NODE), -torque, -rate, np.full(rows, -np.inf)])] * n),
             np.full(1, -np.inf)])
         self._bounds = {'lbg': below, 'ubg': above}
 
@@ -91,7 +96,8 @@ class ConeOracle:
         J, h = self.config.inertia_kg_m2, self.config.step_s
         rows = [[*cone.axis_B, *cone.direction_N, cone.sign, np.cos(cone.half_angle_rad)]
                 for cone in cones]
-        rows += [[0.0] * 6 + [1.0, 1.0]] * (self._most - len(cones))
+        first = len(cones) - self._members
+        rows[first:first] = [[0.0] * 6 + [1.0, 1.0]] * (self._most - len(cones))
         return np.concatenate([
             so3.quaternion_from_rotation(R_NB), lgvi.cayley_step(h * J @ omega_BN_B, J),
             np.ravel(rows), [level]])
@@ -127,11 +133,16 @@ class ConeOracle:
                 + oracle.trace_cost(config.rate_weight, oracle.quaternion(rate)) / h ** 2
                 + ca.dot(torque, effort @ torque) / 2)
         rows = [after[:4] - oracle.turned(q, turn), ends, torque, omega]
-        w, v = after[0], after[1:4]
-        for each in ca.vertsplit(cones, _CONE):
+        w, v, shares = after[0], after[1:4], []
+        for i, each in enumerate(ca.vertsplit(cones, _CONE)):
             b, s, sign, cosine = each[0:3], each[3:6], each[6], each[7]
-            turned = b + 2 * ca.cross(v, w * b + ca.cross(v, b))
-            rows.append(sign * (ca.dot(s, turned) - cosine))
+            seen = ca.dot(s, b + 2 * ca.cross(v, w * b + ca.cross(v, b)))
+            if i < self._most - self._members:
+                rows.append(sign * (seen - cosine))
+            else:
+                shares.append((1 + seen) / (1 + cosine))
+        if shares:
+            rows.append(1 - (sum(share ** 32 for share in shares) / len(shares)) ** (1 / 32))
         return ca.Function('stage', [stage, after, cones], [cost, ca.vertcat(*rows)])
 
     def _end(self) -> ca.Function:
@@ -162,7 +173,8 @@ def starts(R_NB: Array, cones: Sequence[Cone], rng: np.random.Generator, vias: i
     legs = [so3.log(np.swapaxes(R_NB[None], 1, 2) @ others), so3.log(np.swapaxes(others, 1, 2))]
     parts = np.linspace(0.0, 1.0, 13)[:, None, None]
     seen = np.concatenate([R_NB @ so3.exp(parts * legs[0]), others @ so3.exp(parts * legs[1])])
-    margins = np.min([cone.margins_rad(seen) for cone in cones], axis=(0, 1))
+    margins = np.min(list(joined(cones, np.array([
+        cone.margins_rad(seen) for cone in cones])).values()), axis=(0, 1))
     lengths = sum(np.linalg.norm(leg, axis=1) for leg in legs)
     order = np.lexsort([lengths, np.maximum(-margins, 0.0)])
     clear = int(np.sum(margins >= 0.0))

@@ -4,11 +4,13 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
 
 from manifold_mpc_ros.config.cones import between_samples, joined
+from manifold_mpc_ros.control.moving.directions import ConeDirections
 from manifold_mpc_ros.lab.recording.bags import assemble
 from manifold_mpc_ros.lab.recording.bags.run import BagRun
 from manifold_mpc_ros.lab.reference.cone_history import ConeHistory
@@ -16,7 +18,10 @@ from manifold_mpc_ros.lie.arrays import Array
 
 
 def cone_histories(run: BagRun) -> list[ConeHistory]:
-    """Return every cone of a run's scenario, with the directions that its topics brought."""
+    """Return every cone of a run's scenario, with the directions that its topics brought.
+
+    These go on between messages as the controller has it.
+    """
     if run.scenario is None:
         return []
     config, found = run.scenario.controller_config, []
@@ -24,9 +29,14 @@ def cone_histories(run: BagRun) -> list[ConeHistory]:
     for cone in config.mpc.cones:
         topic, _ = config.cone_topics.get(cone.name, ('', 0.0))
         stamps, directions = source.directions(topic if topic.startswith('/') else f'/{topic}')
-        known = np.concatenate([cone.direction_N[None], directions])
-        found.append(ConeHistory(cone, run.states.R_NB @ cone.axis_B, known[
-            np.searchsorted(stamps, run.states.stamp_ns, side='right')]))
+        messages, known = deque(zip(stamps.tolist(), directions)), ConeDirections(config.mpc)
+        seen = []
+        for time_ns in run.states.stamp_ns.tolist():
+            while messages and messages[0][0] <= time_ns:
+                stamp_ns, direction_N = messages.popleft()
+                known.take(cone.name, direction_N, stamp_ns)
+            seen.append(known.at(time_ns).get(cone.name, cone.direction_N))
+        found.append(ConeHistory(cone, run.states.R_NB @ cone.axis_B, np.array(seen)))
     return found
 
 
