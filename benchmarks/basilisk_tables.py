@@ -53,7 +53,7 @@ def pointing(data: dict[str, Any]) -> str:
 def tuning(data: dict[str, Any]) -> str:
     """Return which gains of the law were the best of those tried."""
     return table(['law', 'tried', 'P [N m s]', 'K [N m]', 'Ki [1/(N m s)]',
-                  'rms error after the step, best of the tried [deg]'], [
+                  'rms error, best of the tried [deg]'], [
         [every, str(len(row['rms_error_deg'])), *(
             f'{row["best"][name]:g}' for name in ('P', 'K', 'Ki')),
          f'{min(row["rms_error_deg"].values()):.5f}'] for every, row in data['tuning'].items()])
@@ -71,8 +71,8 @@ def draw_pointing(data: dict[str, Any], path: Path) -> Path:
     """Draw errors of controller and law over time, both every half a second."""
     flights = list(dict.fromkeys(name.split(', ')[0] for name in data['pointing']))
     with styled():
-        figure = Figure(figsize=(11.0, 3.6), layout='constrained')
-        for axes, flight in zip(figure.subplots(1, len(flights)), flights):
+        figure = Figure(figsize=(13.0, 3.6), layout='constrained')
+        for axes, flight in zip(figure.subplots(1, len(flights), sharey=True), flights):
             for by, words, colour in (('law', "Basilisk's law", AXIS_COLOURS[0]),
                                       ('controller', 'controller', AXIS_COLOURS[2])):
                 trace = data['pointing'][f'{flight}, {by} every 0.5 s']['trace']
