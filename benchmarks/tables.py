@@ -37,7 +37,7 @@ from program_tables import (
 
 TOP = Path(__file__).resolve().parent.parent
 PAGES = (TOP / 'README.md', *(TOP / 'docs' / f'{name}.md' for name in (
-    'basilisk', 'performance', 'chaos', 'embedding', 'install', 'libraries', 'nodes')))
+    'basilisk', 'cones', 'performance', 'chaos', 'embedding', 'install', 'libraries', 'nodes')))
 RESULTS = TOP / 'docs' / 'results'
 CHAOS = 'chaos_matrix chaos_soak chaos_drills chaos_drills_shared_memory'
 TABLE = re.compile(r'(<!-- table: (\S+) -->\n).*?(<!-- end -->)', re.DOTALL)
