@@ -39,19 +39,22 @@ def column(path: Path, name: str) -> np.ndarray:
 
 
 def test_the_shipped_slew_settles_over_dds(tmp_path: Path) -> None:
-    """Two real processes turn the body by 180 degrees, and end with status 0."""
+    """Two real processes turn the body by 180 degrees, and end with status 0.
+
+    In lockstep: in real time a torque comes too late where the machine has no time for it.
+    """
     pytest.importorskip('rclpy')
     folder = tmp_path / 'demo'
-    done = subprocess.run([*DEMO, '--output', str(folder)], env=environment(), text=True,
-                          capture_output=True, check=False, timeout=150)
+    done = subprocess.run([*DEMO, '--time-limit', '41', '--start-limit', '120', '--output',
+                           str(folder)], env=environment(), text=True, capture_output=True,
+                          check=False, timeout=250)
     assert done.returncode == 0, done.stdout + done.stderr
     assert 'simulator 0, controller 0' in done.stdout
     live = [line for line in done.stdout.splitlines() if line.startswith('t ')]
-    assert len(live) >= 3
+    assert live  # how many is a matter of how fast the machine is
     assert all(re.search(r'error +[\d.]+ deg   rate .* rad/s   torque .* N m   mode \w+', line)
                for line in live)
     assert re.search(r'ticks outside D_N +│ +\d+ of \d+ ', done.stdout)
-    assert 'mode NOMINAL' in live[-1]
     for name in ('response.png', 'orientation.png'):
         assert (folder / name).read_bytes().startswith(b'\x89PNG')
     bag_and_report(folder, done.stdout)
@@ -71,6 +74,7 @@ def bag_and_report(folder: Path, out: str) -> None:
     run = read_run(folder / 'bag')
     assert run.warnings == ()
     assert judge(run).failed == ()
+    assert run.ticks.mode[-1] == 'NOMINAL'
     assert np.isclose(run.error_rad[0], np.pi, atol=1e-9)
     watched = column(folder / 'states.csv', 'time_s')
     assert abs(len(run.states) - int(np.sum(watched >= 0.0))) <= 10  # 0.5 s

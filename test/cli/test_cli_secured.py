@@ -39,7 +39,8 @@ def test_recording_and_replaying_go_on_in_private(tmp_path: Path) -> None:
 
 def test_the_demo_goes_on_in_private(tmp_path: Path) -> None:
     pytest.importorskip('rclpy')
-    assert 'settled after' in run(tmp_path, 'demo', '--output', 'demo')
+    assert 'settled after' in run(
+        tmp_path, 'demo', '--time-limit', '41', '--start-limit', '120', '--output', 'demo')
 
 
 def test_nothing_of_security_is_left(monkeypatch: pytest.MonkeyPatch) -> None:

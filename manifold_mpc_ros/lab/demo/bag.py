@@ -100,7 +100,10 @@ class DemoBag:
                 files, (CONTROLLER_NAME, SIMULATOR_NAME), strict=True))
         for parameters in (controller, simulator):
             parameters['lockstep'] = lockstep
-        text = _scenario(controller, simulator, arguments, duration_s, lockstep=lockstep)
+        # In lockstep the bag may end some states before those that were watched.
+        held_s = (self._recorder.count(self._roles()['state']).latest_stamp_ns - first_ns) / 1e9
+        text = _scenario(
+            controller, simulator, arguments, min(duration_s, held_s), lockstep=lockstep)
         description = RunDescription(
             scenario_name=NAME, scenario_text=text, backend=self._recorder.controller.get(
                 'backend', ''), versions=provenance.versions(self._recorder.middleware),

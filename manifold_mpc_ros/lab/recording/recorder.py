@@ -77,7 +77,9 @@ class Recording:
 
     def run(self, progress: Progress) -> None:
         """Let simulated time go on to the scenario's end."""
-        first_ns = self._recorder.count(self._plan.state_topic).first_stamp_ns
+        # A reader may be found later on one topic than on the other: from where there are both.
+        first_ns = max(self._recorder.count(topic).first_stamp_ns
+                       for topic in self._plan.state_topics)
         end_ns = first_ns + round(self._plan.duration_s * NANOSECONDS)
         self._recorder.end_stamp_ns = end_ns
         self._inputs.begin(first_ns)
