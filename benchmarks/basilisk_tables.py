@@ -72,10 +72,14 @@ def draw_pointing(data: dict[str, Any], path: Path) -> Path:
     flights = list(dict.fromkeys(name.split(', ')[0] for name in data['pointing']))
     with styled():
         figure = Figure(figsize=(13.0, 3.6), layout='constrained')
-        for axes, flight in zip(figure.subplots(1, len(flights), sharey=True), flights):
+        panels = figure.subplots(1, len(flights), sharey=True, squeeze=False)[0]
+        for axes, flight in zip(panels, flights):
             for by, words, colour in (('law', "Basilisk's law", AXIS_COLOURS[0]),
                                       ('controller', 'controller', AXIS_COLOURS[2])):
-                trace = data['pointing'][f'{flight}, {by} every 0.5 s']['trace']
+                row = data['pointing'].get(f'{flight}, {by} every 0.5 s')
+                if row is None:
+                    continue
+                trace = row['trace']
                 axes.semilogy(trace['every_s'] * np.arange(len(trace['error_deg'])),
                               np.maximum(trace['error_deg'], 1e-7), color=colour, label=words)
             axes.set(title=flight[0].upper() + flight[1:], xlabel='time [s]', ylim=(1e-7, 30.0))
