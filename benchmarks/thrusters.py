@@ -6,8 +6,9 @@
 
 Twelve thrusters of 0.5 N on arms of 0.4 m, pulses of 20 ms or more, a slew of 86 degrees and ten
 minutes of holding: without a disturbance; with one that plans do not know of; with the thruster
-that pushes longest stuck off from 5 s on, and named as failed 5 s later, or never. One pulse
-changes the rate about a body axis by F l t_min / J; the amplitude of the rate is in parts of it.
+that pushes longest stuck off from 5 s on, found by the answer of the body, named as failed 5 s
+later, or neither. One pulse changes the rate about a body axis by F l t_min / J; the amplitude of
+the rate is in parts of it.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ THRUSTERS = ThrusterArray(np.vstack([PLACES, PLACES]), np.vstack([PUSHES, -PUSHE
                           0.5)  # type: ignore[arg-type]
 
 
-def run(told: Mapping[float, Sequence[str]] | None = None, **changes: Any
+def run(told: Mapping[float, Sequence[str]] | None = None, *, watched: bool = True, **changes: Any
         ) -> tuple[dict[str, Any], int]:
     """Slew and hold; return errors, rates, pulses and propellant, and what pushed longest."""
     mpc = AttitudeMpc(AttitudeMpcConfig(
@@ -47,12 +48,16 @@ def run(told: Mapping[float, Sequence[str]] | None = None, **changes: Any
     plant = ThrusterPlant(SimulatorConfig(
         inertia_kg_m2=INERTIA, initial_attitude_xyzw=(x, y, z, w), thrusters=THRUSTERS,
         **changes), THRUSTERS)
-    actuator = ThrusterActuator(THRUSTERS, STEP_S)
+    actuator = ThrusterActuator(THRUSTERS, STEP_S, INERTIA if watched else None)
+    found_s: float | None = None
     errors, rates, on = [], [], np.zeros(12)
     for k in range(TICKS):
         if told and k * STEP_S in told:
             actuator = ThrusterActuator(
                 replace(THRUSTERS, failed=told[k * STEP_S]), STEP_S)
+        actuator.observe(plant.omega_BN_B, None)
+        if actuator.found and found_s is None:
+            found_s = k * STEP_S
         torque = mpc.solve(plant.R_NB, plant.omega_BN_B).torque_B_n_m
         done = actuator.allocate(actuator.limited(torque))
         on += done.device
@@ -65,7 +70,8 @@ def run(told: Mapping[float, Sequence[str]] | None = None, **changes: Any
     bit = THRUSTERS.min_on_time_s[0] * np.abs(THRUSTERS.matrix).max() / np.diag(INERTIA)
     late = np.degrees(errors[LATE:])
     outside = int(np.flatnonzero(np.degrees(errors) > 0.2)[-1])
-    found = {'settled_s': None if outside == TICKS - 1 else STEP_S * (1 + outside),
+    found = {'found': actuator.found, 'found_s': found_s,
+             'settled_s': None if outside == TICKS - 1 else STEP_S * (1 + outside),
              'largest_error_late_deg': float(late.max()),
              'largest_rate_late_in_pulses': (np.abs(rates[LATE:]).max(axis=0) / bit).tolist(),
              'pulses': early['pulses'], 'propellant_g': 1e3 * early['propellant_kg'],
@@ -87,8 +93,10 @@ def main() -> None:
     off = np.where(np.arange(12) == longest, 5.0, np.inf)
     text = json.dumps({
         'alone': alone, 'disturbed': run(disturbance_torque_n_m=(2e-4, -1e-4, 5e-5))[0],
-        'stuck_off': run({10.0: [THRUSTERS.names[longest]]}, thruster_off_from_s=off)[0],
-        'stuck_off_untold': run(thruster_off_from_s=off)[0]}, indent=2)
+        'stuck_off': run(thruster_off_from_s=off)[0],
+        'stuck_off_told': run({10.0: [THRUSTERS.names[longest]]}, watched=False,
+                              thruster_off_from_s=off)[0],
+        'stuck_off_untold': run(watched=False, thruster_off_from_s=off)[0]}, indent=2)
     given.output.write_text(text + '\n', encoding='utf-8')
     print(text)
 

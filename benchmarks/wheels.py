@@ -2,18 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Slews of a 6U with four reaction wheels and stored momentum, on a plant of its own.
 
-    python benchmarks/wheels.py [--slews 200] [--failures 50] [--output docs/results/wheels.json]
-    python benchmarks/wheels.py --steps 1000000
+    python benchmarks/wheels.py [--slews 200] [--failures 50] [--parts NAME ...]
+        [--output docs/results/wheels.json]
 
 180 degrees about random axes, with momentum up to 80 % of what the wheels can store in every
 attitude: plans with the wheels in them, and beside them plans in the box of the pseudo-inverse,
-which know nothing of momentum. Then one wheel dead at instants of a slew; zero crossings by what
-the null space is for; the order of the relation of momentum and state; --steps: the drift of the
-total momentum in the simulator's step.
+which know nothing of momentum. Then one wheel dead at instants of a slew, told at once or found
+by what wheels report; those slews are able at whose target the momentum fits into three wheels.
+Zero crossings by what the null space is for; the order of the relation of momentum and state.
+--parts: only these, the others stay in the file.
 
 The plant knows nothing of the predictor: quaternion, body rate and wheel momenta by fourth-order
 Runge-Kutta in steps of 0.2 s, motor torques held over a control step. Motors give no more than
-their torque, and none beyond their momentum; what was asked beyond is counted.
+their torque, and none beyond their momentum; what was asked beyond is counted. The largest rate is
+that of all samples, in parts of the limit; plans keep it at control instants.
 """
 
 from __future__ import annotations
@@ -27,8 +29,8 @@ from typing import Any
 import numpy as np
 
 from manifold_mpc_ros import AttitudeMpc, AttitudeMpcConfig, WheelArray
+from manifold_mpc_ros.control.wheels.actuator import WheelActuator
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
-from manifold_mpc_ros.dynamics.wheel_step import wheel_step
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.lie.arrays import Array
 
@@ -40,8 +42,9 @@ TORQUE, MOMENTUM = 7e-4, 0.01082
 STEP_S, DURATION_S = 1.0, 160.0
 RATE_RAD_S = np.radians(3.0)
 SETTLED_RAD, SETTLED_RAD_S = np.radians(0.1), np.radians(0.01)
-# More than this part of a limit beyond it counts.
-BEYOND = 1e-9
+# More than this part of a limit beyond it counts; a rate between two instants may be above that
+# at both of them by the second order in the step.
+BEYOND, RATE_BEYOND = 1e-9, 1.025
 PURPOSES = ('least_torque', 'away_from_zero', 'balanced')
 
 
@@ -69,7 +72,8 @@ class Body:
         self.R_NB, self.omega, self.momentum = R_NB, np.zeros(3), momentum.copy()
         self.dead = np.zeros(4, dtype=bool)
         self.torque_beyond = self.momentum_beyond = 0
-        self.largest = np.zeros(2)
+        self.actuator: WheelActuator | None = None
+        self.largest, self.rate, self.rate_at_steps = np.zeros(2), 0.0, 0.0
 
     def _rates(self, q: Array, omega: Array, momentum: Array, motor: Array
                ) -> tuple[Array, Array]:
@@ -91,6 +95,7 @@ class Body:
         self.R_NB = so3.rotation_from_quaternion(q / np.linalg.norm(q))
         self.omega = omega + sum(w * each[1] for w, each in zip(weights, parts))
         self.momentum = held + h * motor
+        self.rate = max(self.rate, float(np.abs(self.omega).max()) / RATE_RAD_S)
 
     def advance(self, command: Array, step_s: float = STEP_S, samples: int = 5) -> None:
         """Take a control step."""
@@ -103,6 +108,8 @@ class Body:
         for _ in range(samples):
             stopped = np.abs(self.momentum + step_s / samples * motor) > MOMENTUM
             self._sample(np.where(stopped, 0.0, motor), step_s / samples)
+        self.rate_at_steps = max(
+            self.rate_at_steps, float(np.abs(self.omega).max()) / RATE_RAD_S)
 
     @property
     def settled(self) -> bool:
@@ -136,6 +143,7 @@ def slew(mpc: AttitudeMpc, body: Body, command: Callable[[AttitudeMpc, Body], Ar
     return {'settled_s': None if not settled[-1] else float(late[-1] + 1) * STEP_S,
             'torque_beyond': body.torque_beyond, 'momentum_beyond': body.momentum_beyond,
             'largest_torque': float(body.largest[0]), 'largest_momentum': float(body.largest[1]),
+            'largest_rate': body.rate, 'largest_rate_at_steps': body.rate_at_steps,
             'zero_crossings': int(crossings)}
 
 
@@ -145,6 +153,15 @@ def by_wheels(mpc: AttitudeMpc, body: Body) -> Array:
     motor = mpc.solve(body.R_NB, body.omega, wheel_momentum_n_m_s=known).wheel_torque_n_m
     assert motor is not None
     return motor
+
+
+def by_reports(mpc: AttitudeMpc, body: Body) -> Array:
+    """Return motor torques of an actuator that finds dead wheels by what they report."""
+    if body.actuator is None:
+        body.actuator = WheelActuator(array(), INERTIA, STEP_S)
+    known = body.actuator.observe(body.omega, body.momentum)
+    plan = mpc.solve(body.R_NB, body.omega, wheel_momentum_n_m_s=known)
+    return body.actuator.allocate(body.actuator.limited(plan.torque_B_n_m)).device
 
 
 def by_box(mpc: AttitudeMpc, body: Body) -> Array:
@@ -160,7 +177,10 @@ def summary(runs: list[dict[str, Any]]) -> dict[str, Any]:
             **{f'slews_with_{name}': sum(run[name] > 0 for run in runs)
                for name in ('torque_beyond', 'momentum_beyond')},
             **{name: max(run[name] for run in runs)
-               for name in ('largest_torque', 'largest_momentum')},
+               for name in ('largest_torque', 'largest_momentum', 'largest_rate',
+                            'largest_rate_at_steps')},
+            'median_rate': float(np.median([run['largest_rate'] for run in runs])),
+            'slews_with_rate_beyond': sum(run['largest_rate'] > RATE_BEYOND for run in runs),
             'zero_crossings': sum(run['zero_crossings'] for run in runs)}
 
 
@@ -174,22 +194,40 @@ def campaign(slews: int) -> dict[str, Any]:
             kept.append(slew(mpc, Body(R, momentum), command))
     gains = [1.0 - a['settled_s'] / b['settled_s'] for a, b in zip(*runs)
              if a['settled_s'] and b['settled_s']]
+    names = ('settled_s', 'largest_rate')
+    later = [{name: [a[name], b[name]] for name in names} for a, b in zip(*runs)
+             if b['settled_s'] and (a['settled_s'] or 0.0) > b['settled_s']]
     return {'stored': 0.8, 'wheels': summary(runs[0]), 'box': summary(runs[1]),
+            'least_rate_of_box': min(run['largest_rate'] for run in runs[1]), 'later': later,
             'compared': len(gains), 'later_than_box': sum(gain < 0.0 for gain in gains),
             'largest_delay': -min(gains), 'median_gain': float(np.median(gains))}
 
 
-def failures(instants: int) -> dict[str, Any]:
+def failures(instants: int, stored: float, command: Callable[[AttitudeMpc, Body], Array]
+             ) -> dict[str, Any]:
     """Return one slew with a wheel that dies, at so many instants of its first 50 s."""
-    rng, mpc, runs = np.random.default_rng(14), controller(array()), []
+    rng, mpc = np.random.default_rng(14), controller(array())
+    runs: list[dict[str, Any]] = []
     for i in range(instants):
-        body = Body(*random_slew(rng, 0.25))
+        R, momentum = random_slew(rng, stored)
+        body, which, at = Body(R, momentum), i % 4, i * 50 // instants
+        total, need = R @ AXES_B.T @ momentum, np.zeros(3)
 
-        def fail(k: int, at: int = i * 50 // instants, which: int = i % 4,
-                 body: Body = body) -> None:
+        def fail(k: int, body: Body = body, which: int = which, at: int = at,
+                 total: Array = total, need: Array = need) -> None:
+            if k == at + 1:
+                need[:] = total - AXES_B[which] * body.momentum[which]
             body.dead[which] = k > at
-        runs.append(slew(mpc, body, by_wheels, fail))
-    return {'stored': 0.25, **summary(runs)}
+        run = slew(mpc, body, command, fail)
+        left = array().without(np.arange(4) == which)
+        runs.append(run | {'at_target': left.momenta.gauge(need)})
+    able = [run for run in runs if run['at_target'] <= 1.0]
+    return {'stored': stored, 'able': summary(able) if able else None,
+            'not_able': len(runs) - len(able),
+            'not_able_but_settled': sum(
+                run['settled_s'] is not None for run in runs if run['at_target'] > 1.0),
+            'able_not_settled_at_target': [
+                run['at_target'] for run in able if run['settled_s'] is None]}
 
 
 def crossings(slews: int) -> dict[str, int]:
@@ -225,38 +263,27 @@ def order() -> dict[str, Any]:
             'orders': np.log2(np.array(values[:-1]) / values[1:]).tolist()}
 
 
-def drift(steps: int, *, driven: bool) -> float:
-    """Return ``|H - H_0| / |H_0|`` after so many steps of the simulator, free or with motors."""
-    R, omega = so3.exp([0.4, -1.1, 0.6]), np.array([0.05, -0.03, 0.08])
-    momentum = np.array([12e-3, -6e-3, 9e-3, 3e-3])
-    begin = R @ (INERTIA @ omega + AXES_B.T @ momentum)
-    for k in range(steps):
-        motor = 2e-3 * driven * np.sin(0.03 * k + np.arange(4.0))
-        R, omega = wheel_step(R, omega, AXES_B.T @ momentum, AXES_B.T @ motor, np.zeros(3),
-                              inertia_kg_m2=INERTIA, step_s=0.1)
-        momentum = momentum + 0.1 * motor
-    end = R @ (INERTIA @ omega + AXES_B.T @ momentum)
-    return float(np.linalg.norm(end - begin) / np.linalg.norm(begin))
-
-
 def main() -> None:
     """Run what was asked for."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument('--slews', type=int, default=200)
     parser.add_argument('--failures', type=int, default=50)
-    parser.add_argument('--steps', type=int, help='only the drift, over so many steps')
+    parser.add_argument('--parts', nargs='+')
     parser.add_argument('--output', type=Path, default=RESULT)
     given = parser.parse_args()
-    if given.steps:
-        for driven in (False, True):
-            print(f'{"driven" if driven else "free"}: {given.steps} steps, '
-                  f'{drift(given.steps, driven=driven):.2e} of the momentum')
-        return
-    found = {'order': order(), 'campaign': campaign(given.slews),
-             'dead_wheel': failures(given.failures), 'zero_crossings': crossings(given.slews // 8)}
+    parts: dict[str, Callable[[], Any]] = {
+        'order': order, 'campaign': lambda: campaign(given.slews),
+        'dead_wheel': lambda: [
+            failures(given.failures, stored, by_wheels) for stored in (0.25, 0.8)],
+        'dead_wheel_found': lambda: [
+            failures(given.failures, stored, by_reports) for stored in (0.25, 0.8)],
+        'zero_crossings': lambda: crossings(given.slews // 8)}
+    new = {name: parts[name]() for name in given.parts or parts}
+    old = json.loads(given.output.read_text(encoding='utf-8')) if given.output.exists() else {}
+    found = {name: (old | new)[name] for name in parts if name in old | new}
     given.output.write_text(json.dumps(found, indent=2) + '\n', encoding='utf-8')
-    print(json.dumps(found, indent=2))
+    print(json.dumps(new, indent=2))
 
 
 if __name__ == '__main__':

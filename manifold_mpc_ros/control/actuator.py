@@ -56,10 +56,13 @@ class Actuator(Protocol):
     """Devices that turn the body. They give zero torque, and a convex set of torques about it.
 
     ``refusal`` says why they can give no torque now, empty when they can: what is allocated is
-    then the best that they can do to brake.
+    then the best that they can do to brake. ``found`` says which of them do not do what they are
+    asked, for as long as the actuator lives; looked for while ``watches``.
     """
 
     refusal: str
+    found: str
+    watches: bool
     #: What its devices did last and have used, by the keys of diagnostics.
     usage: Mapping[str, float]
 
@@ -67,8 +70,11 @@ class Actuator(Protocol):
     def from_config(cls, config: AttitudeMpcConfig) -> Actuator:
         """Return the actuator of a spacecraft."""
 
-    def observe(self, omega_BN_B: Array, devices: Array | None) -> None:
-        """Take the body rate (3,) [rad/s] and what the devices report, None where they do not."""
+    def observe(self, omega_BN_B: Array, devices: Array | None) -> Array | None:
+        """Take the body rate (3,) [rad/s] and what the devices report, None where they do not.
+
+        Return the report with NaN for devices that are not to be used.
+        """
 
     def limited(self, torque_B_n_m: Array, part: float = 1.0) -> Array:
         """Map a finite torque (3,) [N m] to one that the devices can give, its direction kept.
@@ -96,7 +102,8 @@ class TorqueActuator:
 
     """
 
-    refusal = ''
+    refusal = found = ''
+    watches = True
     usage: Mapping[str, float] = MappingProxyType({})
 
     def __init__(self, max_torque_n_m: Array | None) -> None:
@@ -108,8 +115,9 @@ class TorqueActuator:
         """Return the actuator with the torque limits of a configuration."""
         return cls(config.max_torque_n_m)
 
-    def observe(self, omega_BN_B: Array, devices: Array | None) -> None:
+    def observe(self, omega_BN_B: Array, devices: Array | None) -> Array | None:  # noqa: ARG002
         """Do nothing: what the box gives does not depend on a state."""
+        return devices
 
     def limited(self, torque_B_n_m: Array, part: float = 1.0) -> Array:
         """Scale a finite torque (3,) [N m] into this part of the box."""

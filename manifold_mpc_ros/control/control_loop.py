@@ -84,6 +84,7 @@ class ControlLoop:
         """Forget state, setpoint, plan and fault, as at the start; a pause stays."""
         self.logic.reset()
         self.gate.forget()
+        self.output.use(self._make_actuator(self._law.config), self._law.actuation_delay_s)
         self.output.zero()
         self.target: Target | None = None if self._hold else FixedTarget(np.eye(3))
         self.commanded, self.jumps = False, 0
@@ -96,7 +97,7 @@ class ControlLoop:
         self._ahead.take(law)
         self._take(law)
         self.directions.configure(law.config)
-        self.output.actuator = self._make_actuator(law.config)
+        self.output.use(self._make_actuator(law.config), law.actuation_delay_s)
         self.logic.set_timeout(to_ns(law.timeout_s))
         self.gate.set_timeout(law.timeout_s)
         self._void('the controller was changed')
@@ -107,13 +108,12 @@ class ControlLoop:
 
     def _take(self, law: Law) -> None:
         """Plan with this law from now on."""
-        self._law = law
+        self._law, self._cold = law, True
         self.observer, self.slews, self.output.dipoles = law.observer, law.slews, law.dipoles
         self.plan_watch, self.body_watch = PlanWatch(law.config), self._ahead.body
         self.steady_error = SteadyError(law.config, law.largest_steady_error_rad)
         self._fallback = FallbackLaw(law.config)
         self.logic.consistency.bounds = law.motion
-        self._cold = True
 
     def receive(
         self, raw: RawState, now_ns: int, received_ns: int | None = None,

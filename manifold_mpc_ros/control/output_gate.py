@@ -39,12 +39,17 @@ class OutputGate:
         self.saturated = 0
         self._returning = False
 
+    def use(self, actuator: Actuator, delay_s: float) -> None:
+        """Hand torques to this one; it watches its devices only where torque acts at once."""
+        self.actuator = actuator
+        actuator.watches &= delay_s == 0.0
+
     def observe(self, omega_BN_B: Array) -> None:
         """Hand the body rate (3,) [rad/s] when a command acts, and ``devices``, to the actuator.
 
         ``devices`` is what the devices last reported, in the unit of the kind.
         """
-        self.actuator.observe(omega_BN_B, self.devices)
+        self.devices = self.actuator.observe(omega_BN_B, self.devices)
 
     def magnetise(self, sample: StateSample, error_rad: float) -> Array | None:
         """Choose the dipole beside the next torque; return its torque (3,) [N m], None without.

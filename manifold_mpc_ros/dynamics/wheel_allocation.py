@@ -28,6 +28,8 @@ from manifold_mpc_ros.lie.so3 import hat
 _BIAS = 0.3
 # A null space motion takes this many steps.
 _NULL_STEPS = 10.0
+# A wheel beyond this part of its momentum is relieved by the others, in so many steps.
+_CROWDED, _RELIEF_STEPS = 0.7, 3.0
 # A motor at its momentum limit keeps this part of its torque, so that ratios are numbers, and the
 # limit is taken this part lower, so that it is kept all the same.
 _LEAST_PART, _ROOM = 1e-9, 1e-6
@@ -112,9 +114,12 @@ class WheelAllocation:
         with np.errstate(divide='ignore', invalid='ignore'):
             parts = np.where(motor > 0.0, motor / self.high, motor / self.low)
         motor = motor / max(1.0, float(np.max(parts, where=motor != 0.0, initial=0.0)))
+        parts = np.abs(self._momentum) / self._wheels.max_momentum_n_m_s
+        if float(np.max(parts, where=self._wheels.available, initial=0.0)) > _CROWDED:
+            return motor + self._null_motion(motor, 'balanced', _RELIEF_STEPS)
         if self._wheels.null_space == 'least_torque':
             return motor
-        return motor + self._null_motion(motor)
+        return motor + self._null_motion(motor, self._wheels.null_space, _NULL_STEPS)
 
     def _least(self, demand: Array) -> Array:
         """Return u with ``W u = demand`` and the least s of ``s low <= u <= s high``."""
@@ -150,18 +155,18 @@ class WheelAllocation:
         largest = np.max(begin + np.multiply.outer(y, slope), axis=1)
         return motor + float(y[np.argmin(largest)]) * line
 
-    def _null_motion(self, motor: Array) -> Array:
+    def _null_motion(self, motor: Array, purpose: str, steps: float) -> Array:
         """Return motor torques (n,) that turn nothing and lead momenta to where they belong.
 
-        As far as the limits leave room beside ``motor``.
+        In so many steps, as far as the limits leave room beside ``motor``.
         """
         wheels = self._wheels
         basis = wheels.null_basis
         if not basis.shape[1]:
             return 0.0 * motor
-        wanted = (self._apart(basis) if wheels.null_space == 'away_from_zero'
+        wanted = (self._apart(basis) if purpose == 'away_from_zero'
                   else self._balanced())
-        change = basis @ (basis.T @ (wanted - self._momentum)) / (_NULL_STEPS * self._h)
+        change = basis @ (basis.T @ (wanted - self._momentum)) / (steps * self._h)
         with np.errstate(divide='ignore', invalid='ignore'):
             room = np.where(change > 0.0, self.high - motor, self.low - motor) / change
         return change * float(np.clip(np.min(room, where=change != 0.0, initial=1.0), 0.0, 1.0))

@@ -52,7 +52,7 @@ def motors(time_s: float) -> np.ndarray:
 
 @pytest.mark.parametrize('driven', [False, True])
 def test_total_momentum_is_kept_to_rounding(driven: bool) -> None:
-    """20,000 steps here; a million by ``python benchmarks/wheels.py --steps 1000000``."""
+    """20,000 steps here; a million by ``python benchmarks/wheel_drift.py``."""
     state, size = BEGIN, np.linalg.norm(total(BEGIN))
     for k in range(20_000):
         state = advanced(state, motors(0.1 * k) if driven else np.zeros(4), 0.1)

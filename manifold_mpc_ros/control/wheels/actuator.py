@@ -17,6 +17,7 @@ import numpy as np
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.wheels import WheelArray
 from manifold_mpc_ros.control.actuator import Actuation
+from manifold_mpc_ros.control.response.device_watch import WheelWatch
 from manifold_mpc_ros.dynamics.inertia import existence_guard
 from manifold_mpc_ros.dynamics.wheel_allocation import WheelAllocation
 from manifold_mpc_ros.errors import ConfigurationError
@@ -47,8 +48,11 @@ class WheelActuator:
         self._J, self._h = inertia_kg_m2, step_s
         self._braking = existence_guard(inertia_kg_m2) / (BRAKING_STEPS * len(wheels) * step_s)
         self._momentum, self._omega = np.zeros(len(wheels)), np.zeros(3)
-        self._unknown = np.zeros(len(wheels), dtype=bool)
-        self.refusal = ''
+        self._unknown, self._lags = np.zeros((2, len(wheels)), dtype=bool)
+        self._watch = WheelWatch(wheels.max_torque_n_m, wheels.max_momentum_n_m_s, step_s)
+        self._asked: Array | None = None
+        self.refusal = self.found = ''
+        self.watches = True
         self.usage: Mapping[str, float] = {}
 
     @classmethod
@@ -61,19 +65,29 @@ class WheelActuator:
             raise ConfigurationError('wheels', None, 'a WheelArray, for wheels as actuators')
         return cls(config.wheels, config.inertia_kg_m2, config.step_s)
 
-    def observe(self, omega_BN_B: Array, devices: Array | None) -> None:
-        """Take the body rate (3,) [rad/s] and momenta (n,) [N m s], NaN where not reported.
+    def observe(self, omega_BN_B: Array, devices: Array | None) -> Array | None:
+        """Take the body rate (3,) [rad/s] and momenta (n,), NaN where not reported.
 
-        A wheel keeps its last momentum while it is not reported.
+        A wheel keeps its last momentum while it is not reported. One that does not do what its
+        motor was asked is not used any more.
         """
         self._omega = omega_BN_B
         if devices is None:
-            return
-        unknown = ~np.isfinite(devices)
-        self._momentum = np.where(unknown, self._momentum, devices)
+            return None
+        if self._asked is not None and self.watches:
+            lags = self._watch.see(self._asked, self._momentum, devices - self._momentum)
+            self._asked = None
+            if (lags & ~self._lags).any():
+                self._lags = self._lags | lags
+                names = [name for name, lag in zip(self._array.names, self._lags) if lag]
+                self.found = (f'{", ".join(names)} does not follow its motor: '
+                              'not used until ~/reset')
+        self._momentum = np.where(np.isfinite(devices), devices, self._momentum)
+        unknown = ~np.isfinite(devices) | self._lags
         if (unknown != self._unknown).any():
             self._unknown = unknown
             self._use(unknown)
+        return np.where(unknown, np.nan, devices) if unknown.any() else devices
 
     def _use(self, unknown: BoolArray) -> None:
         """Work with the wheels that are reported, or say why that is too little."""
@@ -112,7 +126,7 @@ class WheelActuator:
         if self.refusal:
             return self._braked()
         allocation = self._allocation(torque_B_n_m)
-        motor = allocation.motor_torques()
+        motor = self._asked = allocation.motor_torques()
         return Actuation(torque_B_n_m, motor, allocation.realised(motor))
 
     def rest(self) -> Actuation:

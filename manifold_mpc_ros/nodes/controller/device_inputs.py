@@ -64,7 +64,7 @@ class DeviceInputs:
         self._answer()
 
     def add_to(self, status: Status, loop: ControlLoop) -> None:
-        """Add speed and motor torque of each wheel, the dipole, and why there is none."""
+        """Add speed and motor torque of each wheel, the dipole, and what is wrong with devices."""
         latest, values = loop.output.latest, status.values
         if awaited := self._awaited:
             status.message += f'; the state waits for its {" and ".join(awaited)}'
@@ -73,12 +73,14 @@ class DeviceInputs:
                     self._reports.wheels.names, self._reports.speed_rad_s, latest.device):
                 values[f'{name}_speed_rad_s'] = float(speed)
                 values[f'{name}_torque_n_m'] = float(torque)
+        wrong = [loop.output.actuator.found] if loop.output.actuator.found else []
         if loop.output.dipoles is not None:
             values.update({f'{axis}_dipole_a_m2': float(dipole)
                            for axis, dipole in zip('xyz', latest.dipole_B_a_m2)})
-            if missing := loop.output.dipoles.missing:
-                status.level = max(status.level, DiagnosticStatus.WARN)
-                status.message += f'; {missing}'
+            wrong += [loop.output.dipoles.missing] if loop.output.dipoles.missing else []
+        if wrong:
+            status.level = max(status.level, DiagnosticStatus.WARN)
+            status.message = '; '.join([status.message, *wrong])
 
     @property
     def _awaited(self) -> list[str]:
