@@ -69,6 +69,22 @@ def test_the_shipped_slew_settles_over_dds(tmp_path: Path) -> None:
         assert np.all(np.abs(rate[held]) < 1e-3)
 
 
+def test_a_long_demo_is_in_lockstep_with_the_same_pictures(tmp_path: Path) -> None:
+    """One that may take more than 40 s waits for no clock; its bag says so and passes."""
+    pytest.importorskip('rclpy')
+    done = subprocess.run(
+        [*DEMO, '--time-limit', '60', '--output', str(tmp_path)], env=environment(), text=True,
+        capture_output=True, check=False, timeout=150)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert 'in lockstep: faster than real time' in done.stdout
+    assert re.search(r'settled after +│ 12\.\d+ s', done.stdout)
+    run = read_run(tmp_path / 'bag')
+    assert run.lockstep
+    assert run.warnings == ()
+    assert judge(run).failed == ()
+    assert (tmp_path / 'response.png').read_bytes().startswith(b'\x89PNG')
+
+
 def bag_and_report(folder: Path, out: str) -> None:
     """The run is in a bag that passes its own limits, and there is a page about it."""
     run = read_run(folder / 'bag')
