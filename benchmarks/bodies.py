@@ -13,8 +13,8 @@ second time 0.3 degrees beside the turn. The best known plan (best_known.py) is 
 by no rule of the search, and of IPOPT from 18 starts where it was asked; a cost that either found
 at the shorter horizon is known at the longer one too. It does not depend on the search, so it is
 kept in a file to which both commands append, and go on where they stopped, from that of
-docs/results/bodies_known.jsonl too; so does ``judge`` (bodies.judged: to be removed when the search
-has changed). Counted by ``judge`` are plans dearer
+docs/results/bodies_known.jsonl too; so does ``judge`` (bodies.judged: to be removed when the
+search has changed). Counted by ``judge`` are plans dearer
 than that by more than 1e-6; costs that rise with the horizon, or by more than 2 % within 0.3
 degrees; states called infeasible from which some start, `domain` or IPOPT finds a plan, and the
 other way round. ``again`` solves those that were counted once more: what became of them since.
