@@ -141,11 +141,15 @@ def rows_of(path: Path) -> list[dict[str, Any]]:
 
 
 def compare(path: Path, loops: int) -> dict[str, Any]:
-    """Return what became of the problems of a file, and of closed loops from the first of them."""
+    """Return what became of the problems of a file, and of closed loops.
+
+    Loops are of the first that IPOPT solves; angles to cones of the plans that converge.
+    """
     design = terminal_design(AttitudeMpcConfig(**BODY))
     rows = sorted(rows_of(path), key=lambda row: int(row['problem']))
     found: list[dict[str, Any]] = []
     flown: list[tuple[Problem, AttitudeMpcSolution]] = []
+    closed: list[dict[str, Any]] = []
     for row in rows:
         given = problem(row['problem'])
         mpc = AttitudeMpc(given.config, terminal=design)
@@ -157,10 +161,10 @@ def compare(path: Path, loops: int) -> dict[str, Any]:
             'status': str(plan.status), 'cost': plan.cost, 'ipopt': best,
             'excess': plan.cost / best - 1.0, 'passes': plan.iterations,
             'cpu_ms': 1e3 * (time.thread_time() - begin)})
-        flown.append((given, plan))
-        if len(found) <= loops:
-            found[-1]['loop'] = close_loop(mpc, given)
-    closed = [row['loop'] for row in found if 'loop' in row]
+        if str(plan.status) == 'converged':
+            flown.append((given, plan))
+        if len(closed) < loops and np.isfinite(best):
+            closed.append(close_loop(mpc, given))
     solved = [row for row in found if np.isfinite(row['ipopt'])]
     times = np.array([row['cpu_ms'] for row in found])
     return {

@@ -126,7 +126,9 @@ def _problems(data: dict[str, Any]) -> dict[str, str]:
     return {
         'problems that IPOPT was asked, from so many starts each': starts,
         'solved by IPOPT, and of those not by us':
-            f'{data["solved_by_ipopt"]:,}, {len(data["not_solved_but_by_ipopt"])}',
+            f'{data["solved_by_ipopt"]:,}, ' + ': '.join(filter(None, [
+                str(len(data['not_solved_but_by_ipopt'])),
+                ', '.join(f'problem {each}' for each in data['not_solved_but_by_ipopt'])])),
         'ours dearer than the best of IPOPT by more than 1e-6':
             ': '.join(filter(None, [str(len(data['dearer'])), dearer])),
         "IPOPT's best dearer than ours": str(data['ipopt_dearer']),
