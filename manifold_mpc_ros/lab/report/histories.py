@@ -17,7 +17,7 @@ from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.lab.recording.bags import measures
 from manifold_mpc_ros.lab.recording.bags.cones import cone_histories
 from manifold_mpc_ros.lab.recording.bags.run import BagRun
-from manifold_mpc_ros.lab.recording.bags.series import MOTOR_TORQUE
+from manifold_mpc_ros.lab.recording.bags.series import MOTOR_TORQUE, WHEEL_SPEED
 from manifold_mpc_ros.lab.report import motion
 from manifold_mpc_ros.lab.report.plot_cones import margins_deg
 from manifold_mpc_ros.lie.arrays import Array
@@ -96,7 +96,7 @@ def _devices(
         wheels = None if config is None else config.wheels
         if wheels is not None and quantity == MOTOR_TORQUE:
             _limits(figure, row, wheels.max_torque_n_m)
-        elif wheels is not None and wheels.inertia_kg_m2 is not None:
+        elif quantity == WHEEL_SPEED and wheels and wheels.inertia_kg_m2 is not None:
             _limits(figure, row, wheels.max_momentum_n_m_s / wheels.inertia_kg_m2)
 
 

@@ -266,7 +266,8 @@ def _controller_status(content: Any) -> tuple[int, str, dict[str, str]] | None:
 def _devices(last: Mapping[str, str], numbers: Callable[[str], Array]
              ) -> dict[str, dict[str, Array]]:
     """Return what ticks say of devices: quantity to name to values (t,)."""
-    found = {quantity: {key.removesuffix(end): numbers(key) for key in last if key.endswith(end)}
+    found = {quantity: {
+        key.removesuffix(end) or key: numbers(key) for key in last if key.endswith(end)}
              for end, quantity in DEVICE_QUANTITIES.items()}
     return {quantity: values for quantity, values in found.items() if values}
 

@@ -91,9 +91,11 @@ class ReferenceSeries:
 
 
 WHEEL_SPEED, MOTOR_TORQUE = 'wheel speed [rad/s]', 'motor torque [N m]'
+DIPOLE = 'dipole [A m^2]'
 #: What diagnostics say of devices, by the end of the key.
 DEVICE_QUANTITIES = {'_speed_rad_s': WHEEL_SPEED, '_torque_n_m': MOTOR_TORQUE,
-                     '_on_s': 'thruster on-time [s]'}
+                     '_on_s': 'thruster on-time [s]', '_dipole_a_m2': DIPOLE,
+                     'pulses': 'pulses so far'}
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +104,7 @@ class TickSeries:
 
     Numbers that it did not give are NaN, words are empty. ``last`` holds all that it said at
     last (totals such as ``promises_broken`` and ``refused.*`` among them), as text; ``devices``
-    has the `DEVICE_QUANTITIES` of each wheel or thruster.
+    has the `DEVICE_QUANTITIES` of each wheel, thruster or magnetorquer.
     """
 
     tick: IntArray                 # (t,)
