@@ -57,6 +57,22 @@ def assert_csv_holds(path: Path, log: ClosedLoopLog) -> None:
     assert [row['status'] for row in rows] == log.status.tolist()
 
 
+def test_by_a_profile_half_a_turn_settles_sooner(
+    command: Command, write_config: Callable[..., Path], tmp_path: Path,
+) -> None:
+    settled_s = []
+    for part in (0.9, 0.0):
+        controller = write_config('controller', **{'slew_profile.torque_fraction': part})
+        folder = tmp_path / f'{part}'
+        status, _, err = command('simulate', '--controller-config', controller,
+                                 '--duration', 20, '--output', folder)
+        assert (status, err) == (0, '')
+        log = ClosedLoopLog.load(folder / 'closed_loop.npz')
+        assert set(log.status) == {'converged'}
+        settled_s.append(log.settled_at(np.radians(0.1), 1e-3))
+    assert settled_s[0] < 10.0 < settled_s[1]
+
+
 def test_a_horizon_that_is_too_short_is_named(
     command: Command, write_config: Callable[..., Path], tmp_path: Path,
 ) -> None:
