@@ -24,6 +24,11 @@ def targets(data: dict[str, Any]) -> str:
     rows = [[f'{row["target"]}, step {row["step_s"]:g} s', _deg(row['steady_error_deg']),
              str(row['searches']), f'{row["promises_broken"]} of {row["promises_checked"]}']
             for row in data['targets']]
+    if 'smooth' in data:
+        row = data['smooth']
+        rows.append([f'swings, 0.3 of the limits, {row["ticks"]:,} ticks of 0.5 s', _deg(
+            row['steady_error_deg']), str(row['searches']),
+            f'{row["promises_broken"]} of {row["promises_checked"]}'])
     orbit = {f'an orbit, {name}': row for name, row in data['orbit'].items()}
     orbit |= {'a place on the ground, up to '
               f'{data["ground_pass"]["largest_rate_deg_s"]:.2f} deg/s': data['ground_pass'],

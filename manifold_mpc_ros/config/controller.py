@@ -18,6 +18,7 @@ from manifold_mpc_ros.config.description import (
     setpoint_description,
     state_description,
 )
+from manifold_mpc_ros.config.known_torque import KnownTorque
 from manifold_mpc_ros.config.parameter import Value, by_field, read_values
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
 from manifold_mpc_ros.config.wheel_parameters import Magnetorquers
@@ -60,6 +61,7 @@ class ControllerConfig:
     autostart: bool
     cone_topics: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     magnetorquers: Magnetorquers | None = None
+    known_torque: KnownTorque | None = None
 
     def __post_init__(self) -> None:
         """Check what the fields together have to satisfy."""
@@ -100,7 +102,8 @@ class ControllerConfig:
         if chosen['initial_setpoint'] == 'identity' and mpc.target == 'attitude':
             check_target(mpc.kept_cones, 'initial_setpoint', 'identity')
         return cls(mpc=mpc, cone_topics=cone_topics(values),
-                   magnetorquers=Magnetorquers.from_parameters(values), **chosen)
+                   magnetorquers=Magnetorquers.from_parameters(values),
+                   known_torque=KnownTorque.from_parameters(values, mpc.inertia_kg_m2), **chosen)
 
     @property
     def command_sinks(self) -> tuple[str, ...]:

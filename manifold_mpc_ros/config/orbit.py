@@ -71,12 +71,16 @@ class CircularOrbit:
         """Mean motion ``sqrt(GM / r^3)`` [rad/s]."""
         return math.sqrt(EARTH_GM_M3_S2 / self.radius_m ** 3)
 
+    def angle_rad(self, time_s: float) -> float:
+        """Return the angle from the ascending node at a time, ``u = phase + rate time``."""
+        return self.phase_rad + self.rate_rad_s * time_s
+
     def position_N_m(self, time_s: float) -> Array:
         """Return the place (3,) at a time: ``r (cos u p + sin u q)``, u = phase + rate time [m].
 
         p points to the ascending node, q at right angles in the orbit's plane.
         """
-        u = self.phase_rad + self.rate_rad_s * time_s
+        u = self.angle_rad(time_s)
         node, tilt = self.ascending_node_rad, self.inclination_rad
         p = np.array([math.cos(node), math.sin(node), 0.0])
         q = np.array([-math.cos(tilt) * math.sin(node), math.cos(tilt) * math.cos(node),

@@ -8,6 +8,7 @@ import math
 from dataclasses import replace
 
 from manifold_mpc_ros.config.interfaces import ACTUATORS
+from manifold_mpc_ros.config.known_torque import KNOWN_PARAMETERS
 from manifold_mpc_ros.config.orbit import ORBIT_PARAMETERS
 from manifold_mpc_ros.config.parameter import ParameterSpec
 from manifold_mpc_ros.config.target_parameters import (
@@ -166,6 +167,7 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
     ParameterSpec(
         'disturbance.rate_noise_rad_s', 'float', 1e-5,
         'standard deviation of a measured rate', unit='rad/s', low=1e-12, high=100.0),
+    *KNOWN_PARAMETERS,
     *TARGET_PARAMETERS,
     INERTIAL_FRAME,
     _BODY_FRAME,

@@ -10,12 +10,15 @@ from manifold_mpc_ros.control.command import Law
 from manifold_mpc_ros.control.input_gate import StateSample, to_ns
 from manifold_mpc_ros.control.modes import ACTING, Mode
 from manifold_mpc_ros.control.response.body_watch import BodyWatch
+from manifold_mpc_ros.control.response.known_torque import known_torque_B
 from manifold_mpc_ros.control.torque_history import TorqueHistory, moved_on
 from manifold_mpc_ros.lie.arrays import Array
 
 #: Torques sent are kept for the longest delay and so many steps.
 KEPT_STEPS = 6
 _NEVER_NS = 2 ** 63
+#: Of the torque limits plans count on no more than this part.
+LARGEST_PART = 0.9
 
 
 class Anticipation:
@@ -31,6 +34,8 @@ class Anticipation:
         self._law = law
         #: Torque (3,) of dipoles that is planned for this tick [N m], None without any.
         self.dipole_torque_B_n_m: Array | None = None
+        #: What is known to act unasked at the latest state (3,) [N m], None where nothing is.
+        self.known_B_n_m: Array | None = None
         self.take(law)
 
     def take(self, law: Law) -> None:
@@ -52,6 +57,9 @@ class Anticipation:
 
     def see(self, sample: StateSample) -> None:
         """Take the latest state into account."""
+        known = self._law.known
+        self.known_B_n_m = None if known is None else known_torque_B(
+            known, sample.stamp_ns, sample.R_NB)
         self.body.observe(sample, self._sent, self._acting_since_ns)
         if self._law.observer is not None:
             self._law.observer.observe(sample, self._sent, self._acting_since_ns)
@@ -63,7 +71,8 @@ class Anticipation:
         elif self._mode not in ACTING:
             self._acting_since_ns = time_ns
         self._mode = mode
-        self._sent.record(time_ns, acting_B_n_m)
+        self._sent.record(time_ns, acting_B_n_m if self.known_B_n_m is None else (
+            acting_B_n_m + self.known_B_n_m))
 
     @property
     def _estimated_B_n_m(self) -> Array | None:
@@ -72,11 +81,19 @@ class Anticipation:
 
     @property
     def disturbance_B_n_m(self) -> Array | None:
-        """What plans count on beside their own torque (3,) [N m]: that, and that of dipoles."""
-        estimated, dipole = self._estimated_B_n_m, self.dipole_torque_B_n_m
-        if estimated is None or dipole is None:
-            return dipole if estimated is None else estimated
-        return estimated + dipole
+        """What plans count on beside their own torque (3,) [N m].
+
+        That, the torque of dipoles, and what is known; None where there is none of them.
+        """
+        parts = [each for each in (
+            self._estimated_B_n_m, self.dipole_torque_B_n_m, self.known_B_n_m)
+            if each is not None]
+        if not parts:
+            return None
+        total, limit = np.sum(parts, axis=0), self._law.config.max_torque_n_m
+        if self.known_B_n_m is None or limit is None:
+            return np.asarray(total)
+        return np.clip(total, -LARGEST_PART * limit, LARGEST_PART * limit)
 
     @property
     def delay_ns(self) -> int:
@@ -85,10 +102,10 @@ class Anticipation:
         return to_ns(law.actuation_delay_s if law.observer is None else law.observer.delay.delay_s)
 
     @property
-    def known_disturbance_B_n_m(self) -> Array:
-        """The torque that acts unasked, zero where nobody looks for one."""
-        known = self.disturbance_B_n_m
-        return np.zeros(3) if known is None else known
+    def planned_disturbance_B_n_m(self) -> Array:
+        """The same, zero where there is none."""
+        planned = self.disturbance_B_n_m
+        return np.zeros(3) if planned is None else planned
 
     def state_when_acting(
         self, sample: StateSample, time_ns: int, age_ns: int,

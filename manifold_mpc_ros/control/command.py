@@ -8,6 +8,7 @@ import math
 from dataclasses import dataclass, replace
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.config.known_torque import KnownTorque
 from manifold_mpc_ros.control.actuator import Actuation
 from manifold_mpc_ros.control.consistency import MotionBounds
 from manifold_mpc_ros.control.decrease_monitor import FIXED, DecreaseMonitor
@@ -55,7 +56,8 @@ class Law:
     An attitude error that stays above ``largest_steady_error_rad`` is worth a warning.
     ``moving`` says what plans about targets that move promise; None: as about fixed ones.
     ``motion``: within what attitude and rate have to tell of one motion; None: not compared.
-    ``dipoles``: what magnetorquers are commanded; None without them.
+    ``dipoles``: what magnetorquers are commanded; None without them. ``known``: torque that acts
+    unasked and is known; None without any.
     ``slews`` puts profiles in the place of setpoints that jump; None: they are aimed at.
     """
 
@@ -71,6 +73,7 @@ class Law:
     dipoles: DipoleLaw | None = None
     moving: MovingPromise | None = None
     slews: SlewPlanner | None = None
+    known: KnownTorque | None = None
 
     def allowance(
         self, solution: AttitudeMpcSolution | None, target: Target | None, acting_ns: int,

@@ -59,8 +59,9 @@ class ControlLoop:
         What makes the actuator of a configuration.
 
     ``sample`` is the latest state, None before the first; ``directions`` those of cones that
-    have come, by name. ``observer`` watches how the body answers, ``steady_error`` the error that
-    is left, ``plan_watch``, ``body_watch`` what does not fit; ``slews`` plans profiles, or None.
+    have come, by name. ``ahead`` knows what acts, ``observer`` how the body answers,
+    ``steady_error`` the error left, ``plan_watch``, ``body_watch`` what does not fit; ``slews``
+    plans profiles, or None.
     """
 
     def __init__(
@@ -76,7 +77,7 @@ class ControlLoop:
         self._plan = HeldPlan(to_ns(law.config.step_s))
         self._mode, self._epoch = Mode.WAIT, 0
         self._flown: Target | None = None  # what the last plan is about: the target, or a profile
-        self._ahead = Anticipation(law)
+        self.ahead = Anticipation(law)
         self._take(law)
         self.reset()
 
@@ -94,7 +95,7 @@ class ControlLoop:
     def exchange(self, law: Law) -> None:
         """Work with another law from the next tick on; the plan of the old one is still held."""
         self._law.solver.close()
-        self._ahead.take(law)
+        self.ahead.take(law)
         self._take(law)
         self.directions.configure(law.config)
         self.output.use(self._make_actuator(law.config), law.actuation_delay_s)
@@ -110,7 +111,7 @@ class ControlLoop:
         """Plan with this law from now on."""
         self._law, self._cold = law, True
         self.observer, self.slews, self.output.dipoles = law.observer, law.slews, law.dipoles
-        self.plan_watch, self.body_watch = PlanWatch(law.config), self._ahead.body
+        self.plan_watch, self.body_watch = PlanWatch(law.config), self.ahead.body
         self.steady_error = SteadyError(law.config, law.largest_steady_error_rad)
         self._fallback = FallbackLaw(law.config)
         self.logic.consistency.bounds = law.motion
@@ -170,7 +171,7 @@ class ControlLoop:
         age_ns = None if sample is None else at.age_ns(sample)
         facts, solution = Facts(age_ns), None
         if sample is not None:
-            self._ahead.see(sample)
+            self.ahead.see(sample)
         if age_ns is not None and self.logic.wants_plan(age_ns):
             facts, solution = self._solve(time_ns, age_ns)
         held_B_n_m = self._plan.torque(time_ns)
@@ -182,15 +183,15 @@ class ControlLoop:
             self._actuate(decision, held_B_n_m, time_ns, age_ns or 0), decision.mode,
             decision.reason, _SOURCES.get(decision.mode, 'zero'), solution)
         self._mode = decision.mode
-        self._ahead.send(time_ns, decision.mode, command.actuation.acting_B_n_m)
+        self.ahead.send(time_ns, decision.mode, command.actuation.acting_B_n_m)
         if solution is not None:
             self.plan_watch.see(solution.status, solution.solve_time_s)
         self.steady_error.see(sample, self.target, reduced=decision.mode in _SOURCES)
         judged = self._law.judged(
             command, at.time_ns(sample) / NANOSECONDS,
             0.0 if solution is None else at.delay_s(solution.solve_time_s),
-            self._law.allowance(solution, self._flown, time_ns + self._ahead.delay_ns,
-                                self._ahead.known_disturbance_B_n_m))
+            self._law.allowance(solution, self._flown, time_ns + self.ahead.delay_ns,
+                                self.ahead.planned_disturbance_B_n_m))
         self.logic.succeed()
         return judged
 
@@ -200,23 +201,23 @@ class ControlLoop:
         self._mode = decision.mode
         self._flush('an error')
         stamp_ns = at.time_ns(None) if self.sample is None else self.sample.stamp_ns
-        self._ahead.send(at.time_ns(self.sample), decision.mode, np.zeros(3))
+        self.ahead.send(at.time_ns(self.sample), decision.mode, np.zeros(3))
         return Command(stamp_ns, self.output.zero(), decision.mode, decision.reason)
 
     def stopped(self, now_ns: int) -> Command:
         """Return the last command, zero."""
         self.logic.stop()
-        self._ahead.send(now_ns, Mode.STOPPING, np.zeros(3))
+        self.ahead.send(now_ns, Mode.STOPPING, np.zeros(3))
         return Command(
             now_ns, self.output.zero(), Mode.STOPPING, self.logic.decide(Facts(None)).reason)
 
     def _solve(self, time_ns: int, age_ns: int) -> tuple[Facts, AttitudeMpcSolution | None]:
         """Request a plan from the state at the tick; store it if it is better than the old one."""
         assert self.sample is not None
-        self._ahead.dipole_torque_B_n_m = self.output.magnetise(
+        self.ahead.dipole_torque_B_n_m = self.output.magnetise(
             self.sample, self.steady_error.attitude_rad)
         try:
-            R_NB, omega_BN_B = self._ahead.state_when_acting(self.sample, time_ns, age_ns)
+            R_NB, omega_BN_B = self.ahead.state_when_acting(self.sample, time_ns, age_ns)
             self.output.observe(omega_BN_B)
         except StepExistenceError as error:
             return Facts(age_ns, SolveOutcome.BEYOND_GUARD, detail=str(error)), None
@@ -225,13 +226,13 @@ class ControlLoop:
             return Facts(age_ns, SolveOutcome.BEYOND_GUARD, detail=(
                 'the rate is beyond the guard of the implicit step')), None
         assert self.target is not None
-        config, acting_ns = self._law.config, time_ns + self._ahead.delay_ns
+        config, acting_ns = self._law.config, time_ns + self.ahead.delay_ns
         directions_N = self.directions.over_horizon(acting_ns)
         target = self._flown = self.target if self.slews is None else self.slews.target(
             self.target, (R_NB, omega_BN_B), acting_ns, self.directions.at(acting_ns), self._void)
         result = self._law.solver.solve(SolveRequest(
             time_ns, R_NB, omega_BN_B, target.at(acting_ns)[0], self._cold, self._epoch,
-            self._ahead.disturbance_B_n_m, directions_N, self.output.devices,
+            self.ahead.disturbance_B_n_m, directions_N, self.output.devices,
             target.over_horizon(acting_ns, config.step_s, config.horizon)))
         offer = Offer.INVALID if result is None else self._offer(result)
         facts = facts_of(age_ns, result, offer)
@@ -239,7 +240,7 @@ class ControlLoop:
         held_B_n_m, usable = self._plan.torque(time_ns), facts.outcome is SolveOutcome.USABLE
         sure = usable and solution is not None and solution.status is not SolveStatus.INFEASIBLE
         if held_B_n_m is None or sure or self._fallback.allows(
-                R_NB, omega_BN_B, held_B_n_m + self._ahead.known_disturbance_B_n_m,
+                R_NB, omega_BN_B, held_B_n_m + self.ahead.planned_disturbance_B_n_m,
                 directions_N, relaxed=usable):
             return facts, solution
         self._plan.drop()
@@ -274,19 +275,19 @@ class ControlLoop:
         assert self.sample is not None
         assert self.target is not None
         try:
-            state = self._ahead.state_when_acting(self.sample, time_ns, age_ns)
+            state = self.ahead.state_when_acting(self.sample, time_ns, age_ns)
         except StepExistenceError:
             state = self.sample.R_NB, self.sample.omega_BN_B
         self.output.observe(state[1])
         torque_B_n_m = self._fallback.torque(
             *state, self.target.at(time_ns)[0],
-            self.directions.over_horizon(time_ns + self._ahead.delay_ns))
-        return torque_B_n_m - self._ahead.known_disturbance_B_n_m
+            self.directions.over_horizon(time_ns + self.ahead.delay_ns))
+        return torque_B_n_m - self.ahead.planned_disturbance_B_n_m
 
     def _flush(self, why: str) -> None:
         """Forget plan and warm start, and end the bound on the next value."""
         self._plan.drop()
-        self._ahead.restart()
+        self.ahead.restart()
         self._epoch += 1
         self._cold = True
         if self.slews is not None:

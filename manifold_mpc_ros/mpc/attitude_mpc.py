@@ -20,6 +20,7 @@ from manifold_mpc_ros.mpc.backends.build import load_library
 from manifold_mpc_ros.mpc.compiled import CompiledMpc
 from manifold_mpc_ros.mpc.cone_keeper import ConeKeeper
 from manifold_mpc_ros.mpc.program.numbers import numbers_of
+from manifold_mpc_ros.mpc.rate_margin import Margins, rate_margins, with_margins
 from manifold_mpc_ros.mpc.reference import (
     LEAST_SHARE,
     Reference,
@@ -77,9 +78,9 @@ class AttitudeMpc:
         self.config = config
         self.terminal: TerminalDesign = terminal or stored_design(config, cache_dir)
         self._unit = scaling_of(config)
-        self._disturbance, self._reference = np.zeros(3), numbers_of_reference(
-            Reference.fixed(_IDENTITY, config.horizon), config)
         self._tracked = self._acting = False
+        self._disturbance, self._reference = np.zeros(3), numbers_of_reference(
+            Reference.fixed(_IDENTITY, config.horizon), config, self._margins)
         self._R_ND = _IDENTITY
         self.backend = 'c'
         self._build(backend, cache_dir, disturbed=disturbed, moving=moving)
@@ -99,6 +100,8 @@ class AttitudeMpc:
         self.solver.disturb(self._disturbance)
         if moving:
             self.solver.set_reference(self._reference.nodes)
+        if self._tracked:
+            self.solver.set_rate_limits(with_margins(config, self._margins))
 
     def reset(self) -> None:
         """Forget the warm start; the next solve searches globally."""
@@ -209,16 +212,30 @@ class AttitudeMpc:
             return R_ND
         if self.config.horizon_s:
             raise ConfigurationError('reference', 'given', 'None with horizon_s')
+        begins = self._tracked != (reference is not None)
         self._tracked = reference is not None
         if reference is not None and self.config.target == 'pointing' and R_NB.shape == (3, 3):
             reference = reference.rolled(self.config.pointing_axis_B, R_NB)
         still = Reference.fixed(_IDENTITY, self.config.horizon)
-        self._reference = numbers_of_reference(reference or still, self.config)
+        self._reference = numbers_of_reference(
+            reference or still, self.config, self._margins)
         if not self._moving:
             self._build_again(disturbed=self._disturbed, moving=True)
+        elif begins:
+            self.solver.set_rate_limits(with_margins(self.config, self._margins))
         self.solver.set_reference(self._reference.nodes)
         self._cones.leave(self.terminal_share)
         return R_ND if reference is None else reference.R_ND[0]
+
+    @functools.cached_property
+    def _moving_margins(self) -> list[Margins]:
+        """What plans about targets that move keep to the rate limits."""
+        return rate_margins(self.config)
+
+    @property
+    def _margins(self) -> list[Margins]:
+        """What plans keep to the rate limits; nothing about targets that are fixed."""
+        return self._moving_margins if self._tracked else [{} for _ in self.config.rate_limits]
 
     def _aim(self, R_NB: Array, omega: Array, R_ND: Array) -> None:
         """Say which attitude is commanded with a state, as long as it can be used."""

@@ -33,6 +33,7 @@ from manifold_mpc_ros.mpc.stages.inequalities import (
     inequalities_of,
     wheel_inequalities,
 )
+from manifold_mpc_ros.mpc.stages.inequality import RateInequality
 from manifold_mpc_ros.mpc.stages.reference import REFERENCE
 from manifold_mpc_ros.mpc.stages.torque_box import ShiftedTorqueBox
 from manifold_mpc_ros.mpc.stages.wheel_limits import TOTAL, Wheels
@@ -143,6 +144,12 @@ class CompiledMpc:
     def set_reference(self, numbers: Array) -> None:
         """Set the reference that costs are about, at every node (N + 1, 14)."""
         self._set_nodes(REFERENCE, numbers)
+
+    def set_rate_limits(self, config: AttitudeMpcConfig) -> None:
+        """Set the rate limits to those of a configuration."""
+        for each in inequalities_of(self.structure):
+            if isinstance(each, RateInequality):
+                self._global(each.data)[:] = each.numbers(config, scaling_of(config))
 
     def disturb(self, disturbance_n_m: Array) -> None:
         """Set the disturbance torque (3,) [N m] that the torque box moves with."""

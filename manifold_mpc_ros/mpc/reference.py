@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.config.rate_limits import RateBox
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.program.options import ROTATION_DEFECT
+from manifold_mpc_ros.mpc.rate_margin import Margins, relative
 from manifold_mpc_ros.mpc.scaling import scaling_of
 
 #: Of the limits, a reference leaves this part at least to the solver: less is not followed.
@@ -97,10 +97,13 @@ def reference_torque(reference: Reference, config: AttitudeMpcConfig) -> Array:
     return np.asarray(np.linalg.solve(h / 2 * (np.eye(3) + back), change[..., None])[..., 0])
 
 
-def numbers_of_reference(reference: Reference, config: AttitudeMpcConfig) -> ReferenceNumbers:
+def numbers_of_reference(
+    reference: Reference, config: AttitudeMpcConfig, margins: list[Margins],
+) -> ReferenceNumbers:
     """Map a reference of the horizon's length to the solver's numbers.
 
-    Raises ConfigurationError for another length.
+    ``margins`` are those that plans keep to rate limits. Raises ConfigurationError for another
+    length.
     """
     if len(reference.R_ND) != config.horizon + 1:
         raise ConfigurationError('reference', len(reference.R_ND),
@@ -117,23 +120,23 @@ def numbers_of_reference(reference: Reference, config: AttitudeMpcConfig) -> Ref
     nodes = np.hstack([
         quaternions, np.cos(angle), np.sinc(angle / np.pi) * half,
         omega / unit.rate_rad_s, torque / unit.torque_n_m])
-    return ReferenceNumbers(nodes, np.abs(torque).max(axis=0) / limit, _rate_share(config, omega),
+    return ReferenceNumbers(nodes, np.abs(torque).max(axis=0) / limit,
+                            _rate_share(config, omega, margins),
                             not omega[-1].any())
 
 
-def used_by(end: Reference, config: AttitudeMpcConfig, disturbance_B_n_m: Array
-            ) -> tuple[Array, float]:
+def used_by(
+    end: Reference, config: AttitudeMpcConfig, margins: list[Margins], disturbance_B_n_m: Array,
+) -> tuple[Array, float]:
     """Return the torque (3,) [N m] between two nodes, and the part of the limits that is used."""
     torque = reference_torque(end, config)[0]
     limit = np.inf if config.max_torque_n_m is None else config.max_torque_n_m
     used = (np.abs(torque) + np.abs(disturbance_B_n_m)) / limit
-    return torque, max(float(used.max()), _rate_share(config, end.omega_DN_D))
+    return torque, max(float(used.max()), _rate_share(config, end.omega_DN_D, margins))
 
 
-def _rate_share(config: AttitudeMpcConfig, omega: Array) -> float:
-    """Return the largest part of a rate limit that rates (n, 3) [rad/s] use."""
-    shares = [0.0]
-    for limit in config.rate_limits:
-        power = 1.0 if isinstance(limit, RateBox) else 0.5
-        shares += [float(np.max(ratio)) ** power for ratio in limit.ratios(omega.T).values()]
-    return max(shares)
+def _rate_share(config: AttitudeMpcConfig, omega: Array, margins: list[Margins]) -> float:
+    """Return the largest part of a rate limit that rates (n, 3) [rad/s] and its margin use."""
+    return max((float(np.max(ratio)) + margin.get(name, 0.0)
+                for limit, margin in zip(config.rate_limits, margins, strict=True)
+                for name, ratio in relative(limit, omega).items()), default=0.0)

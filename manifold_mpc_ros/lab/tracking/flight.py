@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from manifold_mpc_ros.config.known_torque import KnownTorque
 from manifold_mpc_ros.control.command import Command, Law
 from manifold_mpc_ros.control.control_loop import ControlLoop
 from manifold_mpc_ros.control.decrease_monitor import monitor_for
@@ -76,7 +77,7 @@ def fly(
     observer: ResponseObserver | None = None, delay_s: float = 0.0,
     measure: Callable[[ContinuousBody], tuple[Array, Array]] | None = None,
     fallback_s: float = 2.5, slews: SlewPlanner | None = None,
-    later: Mapping[int, Target] | None = None,
+    later: Mapping[int, Target] | None = None, known: KnownTorque | None = None,
 ) -> Flight:
     """Close the loop by the clock of the stamps; the body's steps divide those of the control.
 
@@ -91,7 +92,7 @@ def fly(
     loop = ControlLoop(
         Law(config, DirectSolver(solve_with(mpc)), fallback_s, monitor, observer=observer,
             actuation_delay_s=delay_s, moving=moving_promise_for(config, mpc.terminal),
-            slews=slews), gate, initial_setpoint='identity')
+            slews=slews, known=known), gate, initial_setpoint='identity')
     loop.aim(target)
     rows, commands = [], []
     for tick in range(round(duration_s / config.step_s)):

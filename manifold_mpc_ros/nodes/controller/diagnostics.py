@@ -51,6 +51,8 @@ def status_of(command: Command | None, loop: ControlLoop, waiting: str) -> Statu
             solve_time_us=solution.solve_time_s * 1e6, cost=float(solution.cost))
     if command.decrease is not None:
         _add_decrease(status, command)
+    if loop.ahead.known_B_n_m is not None:
+        status.values['known_disturbance_n_m'] = _numbers(loop.ahead.known_B_n_m)
     if loop.observer is not None:
         _add_response(status, loop.observer)
     if loop.sample is not None:

@@ -45,7 +45,8 @@ def solver_for(config: ControllerConfig, terminal: TerminalDesign | None = None)
     """Design the terminal set where it is not known yet, and build or load the solver."""
     return AttitudeMpc(
         config.mpc, backend=config.backend, terminal=terminal,
-        disturbed=config.estimate_disturbance or config.magnetorquers is not None,
+        disturbed=config.estimate_disturbance or config.magnetorquers is not None
+        or config.known_torque is not None,
         moving=config.moving)
 
 
@@ -59,7 +60,8 @@ def law_with(
     return Law(config.mpc, runner_for(solver, config, prepare), config.state_timeout_s, monitor,
                solver.backend, config.actuation_delay_s, MotionBounds.from_config(config),
                observer_for(config), config.largest_steady_error_rad, dipoles_of(config),
-               moving_promise_for(config.mpc, solver.terminal), SlewPlanner.from_config(config))
+               moving_promise_for(config.mpc, solver.terminal), SlewPlanner.from_config(config),
+               config.known_torque)
 
 
 def dipoles_of(config: ControllerConfig) -> DipoleLaw | None:
