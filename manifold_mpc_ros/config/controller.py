@@ -18,7 +18,7 @@ from manifold_mpc_ros.config.description import (
     setpoint_description,
     state_description,
 )
-from manifold_mpc_ros.config.known_torque import KnownTorque
+from manifold_mpc_ros.config.orbit import KnownTorque
 from manifold_mpc_ros.config.parameter import Value, by_field, read_values
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
 from manifold_mpc_ros.config.wheel_parameters import Magnetorquers

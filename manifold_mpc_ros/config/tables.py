@@ -8,8 +8,7 @@ import math
 from dataclasses import replace
 
 from manifold_mpc_ros.config.interfaces import ACTUATORS
-from manifold_mpc_ros.config.known_torque import KNOWN_PARAMETERS
-from manifold_mpc_ros.config.orbit import ORBIT_PARAMETERS
+from manifold_mpc_ros.config.orbit import KNOWN_PARAMETERS, ORBIT_PARAMETERS
 from manifold_mpc_ros.config.parameter import ParameterSpec
 from manifold_mpc_ros.config.target_parameters import (
     CONE_PARAMETERS,

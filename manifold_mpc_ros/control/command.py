@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass, replace
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.config.known_torque import KnownTorque
+from manifold_mpc_ros.config.orbit import KnownTorque
 from manifold_mpc_ros.control.actuator import Actuation
 from manifold_mpc_ros.control.consistency import MotionBounds
 from manifold_mpc_ros.control.decrease_monitor import FIXED, DecreaseMonitor

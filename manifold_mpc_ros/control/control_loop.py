@@ -60,8 +60,7 @@ class ControlLoop:
 
     ``sample`` is the latest state, None before the first; ``directions`` those of cones that
     have come, by name. ``ahead`` knows what acts, ``observer`` how the body answers,
-    ``steady_error`` the error left, ``plan_watch``, ``body_watch`` what does not fit; ``slews``
-    plans profiles, or None.
+    ``steady_error`` the error left, the watches what does not fit; ``slews`` plans profiles.
     """
 
     def __init__(

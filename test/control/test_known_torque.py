@@ -11,7 +11,7 @@ import pytest
 from cases import CERTIFIED, configuration
 
 from manifold_mpc_ros.config.controller import ControllerConfig
-from manifold_mpc_ros.config.known_torque import KnownTorque
+from manifold_mpc_ros.config.orbit import KnownTorque
 from manifold_mpc_ros.config.parameter import resolve_parameters
 from manifold_mpc_ros.config.tables import CONTROLLER_PARAMETERS
 from manifold_mpc_ros.control.response.known_torque import known_torque_B

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from manifold_mpc_ros.config.known_torque import KnownTorque
+from manifold_mpc_ros.config.orbit import KnownTorque
 from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.dynamics.environment import gravity_gradient_B
 from manifold_mpc_ros.lie.arrays import Array

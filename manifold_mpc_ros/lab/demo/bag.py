@@ -18,6 +18,8 @@ from manifold_mpc_ros.cli import provenance
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, SIMULATOR_NAME
 from manifold_mpc_ros.config.yaml_file import read_parameter_file
 from manifold_mpc_ros.errors import BagError
+from manifold_mpc_ros.lab.demo.target import TIMEOUT_S
+from manifold_mpc_ros.lab.recording.record_plan import TRAJECTORY
 from manifold_mpc_ros.lab.recording.scenarios.scenario import (
     DECIDED_AT_SIMULATOR,
     DECIDED_BY_TIME,
@@ -52,8 +54,9 @@ class DemoBag:
         self._stack = ExitStack()
         self._writer = self._stack.enter_context(BagWriter(path))
         self._recorder: BagRecorder = self._stack.enter_context(BagRecorder(
-            domain_id, self._writer, self._stamped(), {'/diagnostics': (
-                'diagnostic_msgs/msg/DiagnosticArray')}))
+            domain_id, self._writer, self._stamped(), {
+                '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
+                self._roles()['reference']: TRAJECTORY}))
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._record, name=NAME, daemon=True)
 
@@ -100,6 +103,8 @@ class DemoBag:
                 files, (CONTROLLER_NAME, SIMULATOR_NAME), strict=True))
         for parameters in (controller, simulator):
             parameters['lockstep'] = lockstep
+        if arguments.guidance is not None:
+            controller['reference.timeout_s'] = TIMEOUT_S
         # In lockstep the bag may end some states before those that were watched.
         held_s = (self._recorder.count(self._roles()['state']).latest_stamp_ns - first_ns) / 1e9
         text = _scenario(
@@ -128,7 +133,7 @@ class DemoBag:
         """Return the topics of a run under the namespace."""
         inside = {'state': 'odometry', 'torque': 'torque_command',
                   'attitude_setpoint': 'attitude_setpoint',
-                  'direction_setpoint': 'direction_setpoint',
+                  'direction_setpoint': 'direction_setpoint', 'reference': 'reference',
                   'prediction': f'{CONTROLLER_NAME}/prediction'}
         return {role: f'{self._namespace}/{topic}' for role, topic in inside.items()}
 

@@ -24,13 +24,14 @@ from manifold_mpc_ros.cli.processes import (
 from manifold_mpc_ros.config.control_law import SimulatorConfig
 from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.config.description import PLAIN
+from manifold_mpc_ros.config.guidance import MODES
 from manifold_mpc_ros.errors import ConfigurationError, ManifoldMpcError
 from manifold_mpc_ros.lab.closed_loop import settling_time
 from manifold_mpc_ros.lab.demo.bag import DemoBag
 from manifold_mpc_ros.lab.demo.defaults import DURATION_S, set_defaults
+from manifold_mpc_ros.lab.demo.target import FILE, PERIOD_S, TIMEOUT_S, DemoTarget
 from manifold_mpc_ros.lab.demo.watch import HOLD_S, StartWatch, loop_is_closed, watch_until_settled
 from manifold_mpc_ros.lab.recording.scenarios.scenario import is_shipped_state
-from manifold_mpc_ros.mpc.target import error_angle
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -40,6 +41,8 @@ if TYPE_CHECKING:
 EXAMPLES = """\
   manifold-mpc demo
       a slew of 180 degrees with the shipped parameters; bag, report, pictures in results/demo
+  manifold-mpc demo --guidance nadir
+      the same, to an attitude that moves: a third process, guidance, commands it
   manifold-mpc demo --simulator-config tumble.yaml --time-limit 60 --output results/tumble
       another spacecraft or start; faster than real time, for it may take more than 40 s
 """
@@ -62,6 +65,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--start-limit', type=shared.positive_number, default=60.0, metavar='S',
         help='wall clock until the first command: discovery, and building the solver '
              '(default: %(default)s)')
+    parser.add_argument(
+        '--guidance', choices=MODES, metavar='MODE',
+        help='turn to an attitude that moves, as the executable guidance commands it with its '
+             'shipped parameters in this mode: ' + ', '.join(MODES))
     shared.add_tolerances(parser)
     shared.add_output(parser, 'results/demo')
 
@@ -78,18 +85,21 @@ def run(arguments: argparse.Namespace) -> int:
             'state_source and command_sink', [config.state_source, config.command_sink],
             'the shipped messages; manifold-mpc record runs a scenario in those of another stack')
     set_defaults(arguments, config.mpc)
+    target = DemoTarget(config.mpc, arguments.guidance)
     require('demo', 'rclpy')
     from manifold_mpc_ros.lab.recording.nodes.history import Recorder
     arguments.output.mkdir(parents=True, exist_ok=True)
     stay_private(os.environ)  # the recorder is in this process
     end_on_sigterm()
     console, namespace = report.make_console(), f'/demo_{os.getpid()}'
-    lockstep = arguments.duration > DURATION_S and not arguments.real_time
+    lockstep = (arguments.duration > DURATION_S and not arguments.real_time
+                and target.mode is None)
     with chosen_domain() as domain_id, Recorder(domain_id, namespace) as recorder, \
             NodeProcesses() as processes, \
             DemoBag(arguments.output / 'bag', domain_id, namespace) as bag:
         environment = node_environment(domain_id)
-        console.print(f'Two processes on ROS_DOMAIN_ID={domain_id}, topics under {namespace}'
+        count = 'Two' if target.mode is None else 'Three'
+        console.print(f'{count} processes on ROS_DOMAIN_ID={domain_id}, topics under {namespace}'
                       + lockstep * ', in lockstep: faster than real time')
 
         def start(module: str, file: Path, *more: str) -> None:
@@ -104,17 +114,22 @@ def run(arguments: argparse.Namespace) -> int:
             # Seen before anything moves: the recording begins at the initial state. In lockstep
             # the simulator waits for the controller.
             waiting.until(lambda: lockstep or recorder.states > 0)
-            start('controller', files[0], '-p', 'autostart:=false')
+            moving = () if target.mode is None else ('-p', f'reference.timeout_s:={TIMEOUT_S}')
+            start('controller', files[0], '-p', 'autostart:=false', *moving)
+            if target.mode is not None:
+                start('guidance', shared.shipped_config(FILE), '-p', f'mode:={target.mode}',
+                      '-p', f'period_s:={PERIOD_S}')
             _activate_controller(recorder, bag, processes, waiting)
             waiting.until(lambda: loop_is_closed(recorder))
-            watch_until_settled(recorder, processes, config.mpc, arguments, display,
+            watch_until_settled(recorder, processes, target, arguments, display,
                                 simulated=lockstep)
         bag.end()
         history, solver = recorder.history(), recorder.solver
         bag.describe(files, arguments, recorder.first_ns, float(history.state_time_s[-1]),
                      lockstep=lockstep)
         exits = processes.stop()
-    status = _finish(console, history, solver, waiting.elapsed_s, exits, config, arguments)
+    errors = target.errors(history.stamp_ns, history.R_NB, history.omega_BN_B)
+    status = _finish(console, history, errors, solver, waiting.elapsed_s, exits, config, arguments)
     return status if _report(console, bag) else 1
 
 
@@ -144,26 +159,27 @@ def _report(console: Console, bag: DemoBag) -> bool:
 
 
 def _finish(
-    console: Console, history: StateHistory, solver: dict[str, str], start_s: float,
-    exits: dict[str, int], config: ControllerConfig, arguments: argparse.Namespace,
+    console: Console, history: StateHistory, errors: tuple[np.ndarray, np.ndarray],
+    solver: dict[str, str], start_s: float, exits: dict[str, int], config: ControllerConfig,
+    arguments: argparse.Namespace,
 ) -> int:
     """Print the table, write pictures and data; 0 when settled and both nodes ended well."""
     from manifold_mpc_ros.cli import console as report
-    error_rad = error_angle(config.mpc, history.R_NB)
-    rate_rad_s = np.linalg.norm(history.omega_BN_B, axis=1)
+    error_rad, rate_rad_s = errors
     settled_s = settling_time(
         history.state_time_s,
         (np.degrees(error_rad) < arguments.attitude_tolerance)
         & (rate_rad_s < arguments.rate_tolerance))
     if settled_s is not None and history.state_time_s[-1] - settled_s < HOLD_S:
         settled_s = None
-    console.print(report.result_table('Closed loop over DDS, two processes', [
+    console.print(report.result_table(f'Closed loop over DDS, {len(exits)} processes', [
         ('settled after', report.settled_text(
             settled_s, arguments.attitude_tolerance, arguments.rate_tolerance)),
         ('start to first command', f'{start_s:.1f} s of wall clock, not counted above'),
         (f'first {config.mpc.target} error', f'{math.degrees(error_rad[0]):.6g} deg'),
         (f'final {config.mpc.target} error', f'{math.degrees(error_rad[-1]):.3g} deg'),
-        ('final rate', f'{rate_rad_s[-1]:.3g} rad/s'),
+        ('final rate' if arguments.guidance is None else 'final rate error',
+         f'{rate_rad_s[-1]:.3g} rad/s'),
         ('peak torque, by axis',
          report.vector_text(np.abs(history.torque_B_n_m).max(axis=0), 'N m')
          + f', {report.limit_text(config.mpc.max_torque_n_m)}'),
@@ -215,4 +231,4 @@ def _write(
         **report.axis_columns('torque_B', 'n_m', history.torque_B_n_m),
     })
     return [response, orientation, states, torques,
-            folder / 'controller.log', folder / 'simulator.log']
+            *sorted(folder.glob('*.log'))]

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from manifold_mpc_ros.cli.processes import NodeProcesses
-from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.errors import ManifoldMpcError
-from manifold_mpc_ros.mpc.target import error_angle
+from manifold_mpc_ros.lab.demo.target import DemoTarget
 
 if TYPE_CHECKING:
     from manifold_mpc_ros.lab.demo.display import DemoDisplay
@@ -68,30 +68,31 @@ def loop_is_closed(recorder: Recorder) -> bool:
 
 
 def watch_until_settled(
-    recorder: Recorder, processes: NodeProcesses, config: AttitudeMpcConfig,
+    recorder: Recorder, processes: NodeProcesses, target: DemoTarget,
     arguments: argparse.Namespace, display: DemoDisplay, *, simulated: bool,
 ) -> None:
     """Listen until the body has held its attitude for a while, or the time is up.
 
     The wall clock is up, or ``simulated`` time.
     """
-    begun_s, first_s = time.monotonic(), recorder.latest_state()[0]
-    within_since_s: float | None = None
+    begun_s, first_ns = time.monotonic(), recorder.latest_state()[0]
+    within_since_ns: int | None = None
     elapsed_s = 0.0
     while max(elapsed_s, time.monotonic() - begun_s) < arguments.duration:
         _require_running(processes)
         recorder.spin(LISTEN_S)
-        state_s, R_NB, omega_BN_B = recorder.latest_state()
-        elapsed_s = state_s - first_s if simulated else time.monotonic() - begun_s
-        error_rad = float(error_angle(config, R_NB))
-        rate_rad_s = float(np.linalg.norm(omega_BN_B))
+        stamp_ns, R_NB, omega_BN_B = recorder.latest_state()
+        elapsed_s = ((stamp_ns - first_ns) / NANOSECONDS if simulated
+                     else time.monotonic() - begun_s)
+        error_rad, rate_rad_s = (float(each[0]) for each in target.errors(
+            np.array([stamp_ns]), R_NB[None], omega_BN_B[None]))
         display.running(elapsed_s, arguments.duration, error_rad, rate_rad_s,
                         recorder.latest_torque(), recorder.mode)
         if not _within(arguments, error_rad, rate_rad_s):
-            within_since_s = None
-        elif within_since_s is None:
-            within_since_s = state_s
-        elif state_s - within_since_s >= HOLD_S:
+            within_since_ns = None
+        elif within_since_ns is None:
+            within_since_ns = stamp_ns
+        elif stamp_ns - within_since_ns >= HOLD_S * NANOSECONDS:
             return
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from manifold_mpc_ros.config.known_torque import KnownTorque
+from manifold_mpc_ros.config.orbit import KnownTorque
 from manifold_mpc_ros.control.command import Command, Law
 from manifold_mpc_ros.control.control_loop import ControlLoop
 from manifold_mpc_ros.control.decrease_monitor import monitor_for

@@ -17,7 +17,7 @@ from manifold_mpc_ros.control.described.source import DescribedSource
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, RawState
 from manifold_mpc_ros.lab.recording.nodes.listener import Listener
 from manifold_mpc_ros.lie import so3
-from manifold_mpc_ros.lie.arrays import Array
+from manifold_mpc_ros.lie.arrays import Array, IntArray
 from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.managed_node import INPUT_QOS
 
@@ -28,6 +28,7 @@ NODE_NAME = 'manifold_mpc_recorder'
 class StateHistory:
     """What was seen: n states and m commands; time 0 is the state that is answered first."""
 
+    stamp_ns: IntArray    # (n,) of the states [ns]
     state_time_s: Array   # (n,) stamps [s]
     R_NB: Array           # (n, 3, 3)
     omega_BN_B: Array     # (n, 3) [rad/s]
@@ -78,10 +79,9 @@ class Recorder(Listener):
         seen_ns = answers_ns or self._stamps_ns
         return seen_ns[0] if seen_ns else 0
 
-    def latest_state(self) -> tuple[float, Array, Array]:
-        """Return time since the first state [s], attitude and body rate of the last one."""
-        elapsed_s = (self._stamps_ns[-1] - self._stamps_ns[0]) / NANOSECONDS
-        return elapsed_s, self._attitudes[-1], np.array(self._rates[-1])
+    def latest_state(self) -> tuple[int, Array, Array]:
+        """Return stamp [ns], attitude and body rate of the last state."""
+        return self._stamps_ns[-1], self._attitudes[-1], np.array(self._rates[-1])
 
     def latest_torque(self) -> Array:
         """Return the last torque seen (3,) [N m]."""
@@ -91,6 +91,7 @@ class Recorder(Listener):
         """Return everything seen so far as arrays."""
         first_ns = self.first_ns
         return StateHistory(
+            stamp_ns=np.array(self._stamps_ns, dtype=np.int64),
             state_time_s=_seconds(self._stamps_ns, first_ns),
             R_NB=np.array(self._attitudes).reshape(-1, 3, 3),
             omega_BN_B=np.array(self._rates).reshape(-1, 3),
