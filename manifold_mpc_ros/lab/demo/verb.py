@@ -104,21 +104,21 @@ def run(arguments: argparse.Namespace) -> int:
 
         def start(module: str, file: Path, *more: str) -> None:
             processes.start(
-                module, ['--params-file', str(file), '-r', f'__ns:={namespace}', '-p',
-                         f'lockstep:={str(lockstep).lower()}', *more],
+                module, ['--params-file', str(file), '-r', f'__ns:={namespace}', *more],
                 environment, arguments.output / f'{module}.log')
 
         with DemoDisplay(console) as display:
             waiting = StartWatch(recorder, processes, arguments.start_limit, display)
-            start('simulator', files[1])
+            steps = ('-p', f'lockstep:={str(lockstep).lower()}')
+            start('simulator', files[1], *steps)
             # Seen before anything moves: the recording begins at the initial state. In lockstep
             # the simulator waits for the controller.
             waiting.until(lambda: lockstep or recorder.states > 0)
-            moving = () if target.mode is None else ('-p', f'reference.timeout_s:={TIMEOUT_S}')
-            start('controller', files[0], '-p', 'autostart:=false', *moving)
             if target.mode is not None:
                 start('guidance', shared.shipped_config(FILE), '-p', f'mode:={target.mode}',
                       '-p', f'period_s:={PERIOD_S}')
+                steps += ('-p', f'reference.timeout_s:={TIMEOUT_S}')
+            start('controller', files[0], '-p', 'autostart:=false', *steps)
             _activate_controller(recorder, bag, processes, waiting)
             waiting.until(lambda: loop_is_closed(recorder))
             watch_until_settled(recorder, processes, target, arguments, display,
