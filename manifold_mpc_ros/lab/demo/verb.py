@@ -109,7 +109,7 @@ def run(arguments: argparse.Namespace) -> int:
 
         with DemoDisplay(console) as display:
             waiting = StartWatch(recorder, processes, arguments.start_limit, display)
-            steps = ('-p', f'lockstep:={str(lockstep).lower()}')
+            steps: tuple[str, ...] = ('-p', f'lockstep:={str(lockstep).lower()}')
             start('simulator', files[1], *steps)
             # Seen before anything moves: the recording begins at the initial state. In lockstep
             # the simulator waits for the controller.
