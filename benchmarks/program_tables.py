@@ -188,3 +188,13 @@ def exported_sizes(data: dict[str, Any]) -> str:
     return table(['N', 'code [KiB]', 'stack [KiB]', 'memory [KiB]', 'warm: median [10^6]', 'p99',
                   'search: median [10^6]', 'p99', 'largest seen', 'statements at most [10^6]'],
                  rows)
+
+
+def search_tail(data: dict[str, Any]) -> str:
+    """Return how many passes searches and local solves take, by forcing and horizon."""
+    rows = [[row['forcing'], str(row['horizon']), str(row['instances']),
+             f'{row["passes_median"]:g}', f'{row["passes_p99"]:.0f}', str(row['passes_most']),
+             str(row['dearer']), str(row['not_converged'] + row['local_not_converged']),
+             str(row['local_passes_most'])] for row in data['rows']]
+    return table(['forcing', 'N', 'instances', 'passes: median', '99 %', 'most', 'dearer',
+                  'not converged', 'one local solve: most'], rows)

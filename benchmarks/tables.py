@@ -32,6 +32,7 @@ from program_tables import (
     lines,
     mcap,
     moving_cones,
+    search_tail,
     table,
 )
 
@@ -237,7 +238,7 @@ TABLES: dict[str, tuple[str, Callable[..., str]]] = {
     'cones': ('constrained', lambda data: _with_picture(cones(data), 'constrained')),
     'cone-times': ('constrained', cone_times), 'cone-problems': ('cone_problems', cone_problems),
     'moving-cones': ('moving_cones', moving_cones),
-    'calls': ('calls', calls),
+    'calls': ('calls', calls), 'search-tail': ('search_tail', search_tail),
     'export-targets': ('export', exported_targets), 'export-sizes': ('export', exported_sizes),
     'targets': ('references', lambda data: _with_picture(moving.targets(data), 'references')),
     'delays': ('references', moving.delays), 'noise': ('references', moving.noise),

@@ -8,8 +8,8 @@ typedef struct {
     double *plan, *fresh, *model, *g;
     double cost, logs, mu, exact;
     double stationarity, products, decrease;
-    long horizon, flag, passes, total_passes;
-    long by_tenths;     /* the barrier falls by tenths only */
+    /* by_tenths: the barrier falls by tenths only. creeping: short steps in succession. */
+    long horizon, flag, passes, total_passes, by_tenths, creeping;
 } solve;
 
 static void take_fresh(solve *s)
@@ -45,7 +45,7 @@ static void begin(solve *s)
     s->stationarity = s->products = s->decrease = INFINITY;
     s->exact = 1.0;
     s->by_tenths = 0;
-    s->passes = 0;
+    s->passes = s->creeping = 0;
 }
 
 /* Start from the slew law, leaning for the first steps. */
@@ -139,9 +139,14 @@ static void one_pass(solve *s)
         return;
     }
     take_fresh(s);
-    if (length >= READY_LENGTH && s->decrease < BARRIER_READY * s->mu)
+    s->creeping = length < READY_LENGTH ? s->creeping + 1 : 0;
+    if (s->creeping == CREEP_PASSES) {
+        s->creeping = 0;
+        s->mu = fmin(RAISED_BARRIER, BARRIER_RAISE * s->mu);
+    } else if (length >= READY_LENGTH && s->decrease < BARRIER_READY * s->mu) {
         s->mu = fmax(SMALLEST_BARRIER,
                      fmin(BARRIER_FACTOR, s->by_tenths ? 1.0 : sqrt(s->mu)) * s->mu);
+    }
     s->exact = length < SHORT_LENGTH
         ? lowered(s->exact)
         : fmin(1.0, fmax(BLEND_UP * s->exact, SMALLEST_BLEND));

@@ -168,15 +168,27 @@ static int goes_before(const solve *s, const plan *other)
     return 0;
 }
 
+/* Whether a start that is under way ends above the least cost: by twice the decrease that the
+ * models of its last passes expect, and by the gap that the barrier leaves, its cost does not come
+ * down to that. */
+static int is_hopeless(const solve *s, const double falls[3], double least)
+{
+    double fall = fmax(falls[0], fmax(falls[1], falls[2]));
+    double gap = BARRIER_GAP * (double)s->horizon * s->mu;
+    return s->cost - EXPECTED_FALLS * fall - gap > least + HOPELESS * fabs(least);
+}
+
 /* Run a start to its end, or until it cannot win against the least cost. Return whether it gave
  * a plan. */
 static int run_start(controller *c, double least)
 {
     solve *s = &c->s;
-    if (least < INFINITY)
-        iterate(s, HOPELESS_PASSES, c->deadline_s);
-    if (!(least < INFINITY) || s->cost <= HOPELESS * least)
-        iterate(s, MOST_PASSES, c->deadline_s);
+    double falls[3] = {INFINITY, INFINITY, INFINITY};
+    iterate(s, least < INFINITY ? JUDGED_PASSES - 3 : MOST_PASSES, c->deadline_s);
+    while (s->flag == RUNNING && s->passes < MOST_PASSES && !is_hopeless(s, falls, least)) {
+        iterate(s, s->passes + 1, c->deadline_s);
+        falls[s->passes % 3] = s->decrease;
+    }
     c->passes += s->passes;
     return s->passes > 0 && fabs(s->cost) < INFINITY;
 }

@@ -22,6 +22,10 @@ BARRIER_READY = 300.0
 BARRIER_FACTOR = 0.1
 # ... after a step of at least this length.
 READY_LENGTH = 0.9
+# After so many shorter steps in succession it is raised, up to a bound: so near the limits that
+# every step ends at one, a long way takes hundreds of them.
+CREEP_PASSES = 20
+BARRIER_RAISE, RAISED_BARRIER = 100.0, 1e-1
 ARMIJO = 1e-4
 # Rounding of cost and barrier, relative: changes below it count as no increase.
 COST_NOISE = 1e-11
@@ -51,11 +55,14 @@ RUNNING, CONVERGED, STALLED, OUT_OF_TIME = range(4)
 
 # The search. Barrier parameter of a cold start (dimensionless, against a cost of order 10).
 COLD_BARRIER = 1.0
-# Passes of a start at most. Every start but the first ends after HOPELESS_PASSES when its cost is
-# still above HOPELESS times the best: winners are near it by then (benchmarks/bodies.py).
+# Passes of a start at most. Every start but the first ends after JUDGED_PASSES or more when its
+# cost, less EXPECTED_FALLS times the largest decrease that the models of three passes expect and
+# BARRIER_GAP times steps and mu, is above the best by this part of it. Judged so after 20 passes
+# or one pass alone, some starts end on their way to the best plan (benchmarks/bodies.py).
 MOST_PASSES = 200
-HOPELESS_PASSES = 25
-HOPELESS = 2.0
+JUDGED_PASSES = 22
+EXPECTED_FALLS, BARRIER_GAP = 2.0, 12.0
+HOPELESS = 1e-4
 # A leaning start holds its octant for this part of the bang-bang slew, and no fewer steps.
 LEAN_PART = 0.25
 LEAN_STEPS = 5
