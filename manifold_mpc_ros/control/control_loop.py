@@ -1,9 +1,6 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What to command at a tick: pure logic, states and a time in, one finite command out.
-
-The loop gathers the facts, `ModeLogic` decides, and what the mode stands for is done here.
-"""
+"""What to command at a tick: states and a time in, one finite command out; `ModeLogic` decides."""
 
 from __future__ import annotations
 
@@ -68,15 +65,13 @@ class ControlLoop:
         make_actuator: Callable[[AttitudeMpcConfig], Actuator] = TorqueActuator.from_config,
     ) -> None:
         """Start without a state, at the initial setpoint."""
-        self._hold = initial_setpoint == 'hold'
         self.directions = ConeDirections(law.config)
         self._make_actuator, self.gate = make_actuator, gate
         self.logic = ModeLogic(to_ns(law.config.step_s), to_ns(law.timeout_s))
-        self.output = OutputGate(make_actuator(law.config))
-        self._plan = HeldPlan(to_ns(law.config.step_s))
+        self.output, self._hold = OutputGate(make_actuator(law.config)), initial_setpoint == 'hold'
+        self._plan, self.ahead = HeldPlan(to_ns(law.config.step_s)), Anticipation(law)
         self._mode, self._epoch = Mode.WAIT, 0
         self._flown: Target | None = None  # what the last plan is about: the target, or a profile
-        self.ahead = Anticipation(law)
         self._take(law)
         self.reset()
 
@@ -112,12 +107,11 @@ class ControlLoop:
         self.observer, self.slews, self.output.dipoles = law.observer, law.slews, law.dipoles
         self.plan_watch, self.body_watch = PlanWatch(law.config), self.ahead.body
         self.steady_error = SteadyError(law.config, law.largest_steady_error_rad)
-        self._fallback = FallbackLaw(law.config)
+        self._fallback, self._cold = FallbackLaw(law.config), True
         self.logic.consistency.bounds = law.motion
 
-    def receive(
-        self, raw: RawState, now_ns: int, received_ns: int | None = None,
-    ) -> Refusal | None:
+    def receive(self, raw: RawState, now_ns: int, received_ns: int | None = None
+                ) -> Refusal | None:
         """Take a state as its source read it; return why it must not be used, None if it is.
 
         ``now_ns`` is the clock of the stamps [ns]; ``received_ns`` a monotonic clock [ns], None
@@ -162,7 +156,11 @@ class ControlLoop:
             self._plan.unbind()
 
     def tick(self, at: TickTime) -> Command:
-        """Return the command of this tick."""
+        """Return the command of this tick, judged."""
+        return self.judged(self.command(at), at)
+
+    def command(self, at: TickTime) -> Command:
+        """Return the command of this tick; `judged` is for when it is on its way."""
         late = self._law.solver.late_result()
         if late is not None and late.request.epoch == self._epoch:
             self._offer(late)
@@ -183,16 +181,20 @@ class ControlLoop:
             decision.reason, _SOURCES.get(decision.mode, 'zero'), solution)
         self._mode = decision.mode
         self.ahead.send(time_ns, decision.mode, command.actuation.acting_B_n_m)
+        self.logic.succeed()
+        return command
+
+    def judged(self, command: Command, at: TickTime) -> Command:
+        """Return the command of a tick with what the monitor says; watch plans and the error."""
+        solution, time_ns = command.solution, at.time_ns(self.sample)
         if solution is not None:
             self.plan_watch.see(solution.status, solution.solve_time_s)
-        self.steady_error.see(sample, self.target, reduced=decision.mode in _SOURCES)
-        judged = self._law.judged(
-            command, at.time_ns(sample) / NANOSECONDS,
+        self.steady_error.see(self.sample, self.target, reduced=command.mode in _SOURCES)
+        return self._law.judged(
+            command, time_ns / NANOSECONDS,
             0.0 if solution is None else at.delay_s(solution.solve_time_s),
             self._law.allowance(solution, self._flown, time_ns + self.ahead.delay_ns,
                                 self.ahead.planned_disturbance_B_n_m))
-        self.logic.succeed()
-        return judged
 
     def failed(self, at: TickTime, error: str) -> Command:
         """Return zero for a tick that ended in an error of our own; too many latch it."""
@@ -213,6 +215,7 @@ class ControlLoop:
     def _solve(self, time_ns: int, age_ns: int) -> tuple[Facts, AttitudeMpcSolution | None]:
         """Request a plan from the state at the tick; store it if it is better than the old one."""
         assert self.sample is not None
+        assert self.target is not None
         self.ahead.dipole_torque_B_n_m = self.output.magnetise(
             self.sample, self.steady_error.attitude_rad)
         try:
@@ -224,7 +227,6 @@ class ControlLoop:
             self._cold = True
             return Facts(age_ns, SolveOutcome.BEYOND_GUARD, detail=(
                 'the rate is beyond the guard of the implicit step')), None
-        assert self.target is not None
         config, acting_ns = self._law.config, time_ns + self.ahead.delay_ns
         directions_N = self.directions.over_horizon(acting_ns)
         target = self._flown = self.target if self.slews is None else self.slews.target(
@@ -254,9 +256,8 @@ class ControlLoop:
         self._cold = offer is Offer.INVALID
         return offer
 
-    def _actuate(
-        self, decision: Decision, held_B_n_m: Array | None, time_ns: int, age_ns: int,
-    ) -> Actuation:
+    def _actuate(self, decision: Decision, held_B_n_m: Array | None, time_ns: int, age_ns: int
+                 ) -> Actuation:
         """Return what the actuator is commanded in a mode."""
         mode = decision.mode
         if mode is Mode.FALLBACK:
@@ -287,8 +288,7 @@ class ControlLoop:
         """Forget plan and warm start, and end the bound on the next value."""
         self._plan.drop()
         self.ahead.restart()
-        self._epoch += 1
-        self._cold = True
+        self._epoch, self._cold = self._epoch + 1, True
         if self.slews is not None:
             self.slews.forget()
         self._void(why)

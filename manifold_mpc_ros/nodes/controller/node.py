@@ -221,7 +221,7 @@ class AttitudeControllerNode(ManagedNode):
         elif self._config.lockstep:
             begun_s = arrival_s(info)
             self._devices.when_reported(
-                read.stamp_ns, lambda: self._publish(self._decided(LOCKSTEP), begun_s))
+                read.stamp_ns, lambda: self._answer(LOCKSTEP, begun_s))
 
     def _on_duplicate(self, topic: str) -> None:
         """Command zero until a reset: which of two publishers is right nobody knows."""
@@ -235,24 +235,29 @@ class AttitudeControllerNode(ManagedNode):
             self._loop.go_back()
         self._last_ns = now_ns
         self._timing.begin(now_ns / NANOSECONDS if self._simulated_time else begun_s)
-        self._publish(self._decided(ClockTime(
-            now_ns, None if self._simulated_time else time.monotonic_ns())), begun_s)
+        self._answer(ClockTime(
+            now_ns, None if self._simulated_time else time.monotonic_ns()), begun_s)
 
     def _decided(self, at: TickTime) -> Command:
         """Return the command of a tick, zero where an error of our own came between."""
         try:
             self._take_change()
             self._devices.hand_over(self._loop)
-            return self._loop.tick(at)
+            return self._loop.command(at)
         except Exception as error:  # noqa: BLE001  (no tick without a command)
             self.barrier.note('tick', error)
             return self._loop.failed(at, str(error))
 
-    def _publish(self, command: Command, begun_s: float) -> None:
-        """Publish a command, and the prediction behind it when somebody looks."""
+    def _answer(self, at: TickTime, begun_s: float) -> None:
+        """Publish the command of a tick at once, then what there is to say about it."""
+        command = self._decided(at)
         self._output.send(command.stamp_ns, command.actuation)
         self._timing.end(time.monotonic() - begun_s)
         self._command = command
+        try:
+            self._command = command = self._loop.judged(command, at)
+        except Exception as error:  # noqa: BLE001  (the command is out; it is said all the same)
+            self.barrier.note('judging a tick', error)
         self._ticks += 1
         self._kinds[command.mode.value] += 1
         if command.solution is not None:
