@@ -4,7 +4,7 @@
 
     python benchmarks/search_tail.py --output docs/results/search_tail.json      # some minutes
 
-The problem and the instances are those of `manifold-mpc bench`; above N = 160 the first 20 random
+The problem and the instances are those of `manifold-mpc bench`; above N = 40 the first 20 random
 ones and the half turns. Every search is compared with all of its starts, each run to its end: a
 plan is dearer when its cost is above the least of theirs by more than 1e-6. Local solves, one
 start each, count as well: how many do not converge, and the most passes of one. Passes do not
@@ -29,7 +29,7 @@ from manifold_mpc_ros.lab.benchmark.peers.problem import comparison_config
 from manifold_mpc_ros.mpc.program.options import MOST_PASSES
 from manifold_mpc_ros.mpc.scaling import scaling_of
 
-HORIZONS, LONG_HORIZONS = (5, 10, 20, 40, 80, 160), (100, 200, 300, 500)
+HORIZONS, LONG_HORIZONS = (5, 10, 20, 40), (80, 160, 300, 500)
 INSTANCES, LONG_INSTANCES = 200, 20
 TOLERANCE = 1e-6
 
@@ -80,8 +80,9 @@ def main() -> int:
             few = horizon in LONG_HORIZONS
             rows.append(row_of(forcing, horizon, draw(LONG_INSTANCES if few else INSTANCES)))
             print(rows[-1], flush=True)
-    if arguments.output:
-        arguments.output.write_text(json.dumps({'rows': rows}, indent=1) + '\n', encoding='utf-8')
+            if arguments.output:
+                arguments.output.write_text(
+                    json.dumps({'rows': rows}, indent=1) + '\n', encoding='utf-8')
     return int(any(row['not_converged'] or row['dearer'] or row['local_not_converged']
                    for row in rows))
 
