@@ -107,7 +107,7 @@ class ControlLoop:
         self.observer, self.slews, self.output.dipoles = law.observer, law.slews, law.dipoles
         self.plan_watch, self.body_watch = PlanWatch(law.config), self.ahead.body
         self.steady_error = SteadyError(law.config, law.largest_steady_error_rad)
-        self._fallback, self._cold = FallbackLaw(law.config), True
+        self._fallback = FallbackLaw(law.config)
         self.logic.consistency.bounds = law.motion
 
     def receive(self, raw: RawState, now_ns: int, received_ns: int | None = None
