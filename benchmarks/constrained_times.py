@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Our warm solves on B1 and B1b again, with cones and without, in docs/results/constrained.json.
 
-    python benchmarks/constrained_times.py
+    python benchmarks/constrained_times.py [B1] [B1b]
 
+Where a problem is named its other solvers are measured again too, as far as they are installed.
 What ``manifold-mpc bench --constrained`` measured of flights, of other solvers and of first
 searches of as many passes stays.
 """
@@ -12,6 +13,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 from pathlib import Path
 
 from manifold_mpc_ros.lab.benchmark.constrained import run, slews, timing
@@ -23,12 +25,13 @@ def main() -> None:
     """Measure, and write them into the file."""
     data = json.loads(RESULT.read_text(encoding='utf-8'))
     for old, slew in zip(data['timing'], slews.slews()):
-        new = timing.measure(slew, run.TIMED_TICKS, peers=False)
+        new = timing.measure(slew, run.TIMED_TICKS, peers=slew.name in sys.argv[1:])
         for row, before in zip(new['rows'], old['rows']):
-            if row['first_passes'] == before['first_passes']:
+            if row.get('first_passes', -1) == before.get('first_passes'):
                 row['first_ms'] = before['first_ms']
-        others = old['rows'][len(new['rows']):]
-        old |= new | {'rows': new['rows'] + others, 'load_average': os.getloadavg()}
+        known = {row['solver']: row for row in [*old['rows'], *(
+            row for row in new['rows'] if 'why_not' not in row)]}
+        old |= new | {'rows': list(known.values()), 'load_average': os.getloadavg()}
         print(slew.name, new['cones_cost'])
     data['targets'] = run.targets(data['rows'], data['timing'])
     RESULT.write_text(json.dumps(data, indent=1) + '\n', encoding='utf-8')

@@ -5,7 +5,8 @@
 What their users would write: q and omega as state, one Runge-Kutta step of order 4 an interval,
 ``w (1 - b . gamma) + tr(Qf) / 2 |omega|^2 + ...`` as our stage cost tends to for small steps, our
 terminal cost, the torque box, and at every node the ellipsoid of the rates and the cones, hard.
-Time in steps, torque in its limit. Of the compiled functions all is C, as in `casadi_peer`.
+Time in steps, torque in its limit. Of the compiled functions all is C, as in `casadi_peer`, but by
+-O1: with -O3 the compiler takes minutes for them.
 """
 
 from __future__ import annotations
@@ -137,7 +138,8 @@ class CasadiPeer:
             **chosen['ipopt'], 'warm_start_init_point': 'yes', 'mu_init': 1e-4,
             'warm_start_bound_push': 1e-6, 'warm_start_mult_bound_push': 1e-6}}
         self._folder = tempfile.TemporaryDirectory(prefix='peer_')
-        source = library_of(ca.nlpsol('peer', solver, nlp, cold), Path(self._folder.name))
+        source = library_of(ca.nlpsol('peer', solver, nlp, cold), Path(self._folder.name),
+                            '-O1')
         self._cold = ca.nlpsol('cold', solver, source, cold)
         self._warm = ca.nlpsol('warm', solver, source, warm)
         bound = np.concatenate([np.tile([np.inf] * 7 + [1.0] * 3, n), [np.inf] * 7])

@@ -26,7 +26,7 @@ from manifold_mpc_ros.lie.arrays import Array
 
 TOLERANCE = 1e-6
 _STAGE = problem.STATE + problem.TORQUE
-_COMPILE = ('cc', '-O3', '-march=native', '-fPIC', '-shared')
+_COMPILE = ('cc', '-march=native', '-fPIC', '-shared')
 _QUIET: dict[str, Any] = {'print_time': False, 'record_time': True, 'error_on_fail': False}
 _IPOPT = {'print_level': 0, 'sb': 'yes', 'tol': TOLERANCE}
 #: From a plan that is nearly optimal: a small barrier, and hardly pushed off the bounds.
@@ -161,8 +161,8 @@ def _gauss_newton(model: problem.Model, nlp: dict[str, ca.MX], horizon: int) -> 
                        ['x', 'p', 'lam_f', 'lam_g'], ['hess_gamma_x_x'])
 
 
-def library_of(solver: ca.Function, folder: Path) -> str:
-    """Return the library of everything that a solver evaluates."""
+def library_of(solver: ca.Function, folder: Path, level: str = '-O3') -> str:
+    """Return the library of everything that a solver evaluates, optimised to a level."""
     source, library = folder / 'nlp.c', folder / 'nlp.so'
     before = Path.cwd()
     os.chdir(folder)  # CasADi writes into the current folder only
@@ -170,7 +170,7 @@ def library_of(solver: ca.Function, folder: Path) -> str:
         solver.generate_dependencies(source.name)
     finally:
         os.chdir(before)
-    done = subprocess.run([*_COMPILE, str(source), '-o', str(library), '-lm'], text=True,
+    done = subprocess.run([*_COMPILE, level, str(source), '-o', str(library), '-lm'], text=True,
                           capture_output=True, check=False)
     if done.returncode != 0:
         raise ManifoldMpcError(f'cc failed on a peer: {done.stderr.strip()[:200]}')
