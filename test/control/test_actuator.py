@@ -9,6 +9,8 @@ so that what is realised differs from what is asked for.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
+from types import MappingProxyType
 
 import numpy as np
 import pytest
@@ -37,14 +39,17 @@ class Pairs:
     """Thrust pairs of 0.5 N m each, in steps of ``least_n_m``."""
 
     least_n_m = LEAST_N_M
-    refusal = ''
+    refusal = found = ''
+    watches = True
+    usage: Mapping[str, float] = MappingProxyType({})
 
     @classmethod
     def from_config(cls, _config: AttitudeMpcConfig) -> Pairs:
         return cls()
 
-    def observe(self, omega_BN_B: np.ndarray, devices: np.ndarray | None) -> None:
+    def observe(self, omega_BN_B: np.ndarray, devices: np.ndarray | None) -> np.ndarray | None:
         self.observed = omega_BN_B, devices
+        return devices
 
     def limited(self, torque_B_n_m: np.ndarray, part: float = 1.0) -> np.ndarray:
         asked = np.max(np.abs(np.linalg.pinv(AXES_B) @ torque_B_n_m))
