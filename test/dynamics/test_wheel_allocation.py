@@ -10,6 +10,7 @@ from scipy.optimize import linprog
 from wheel_cases import INERTIA, wheels
 
 from manifold_mpc_ros.config.wheels import WheelArray
+from manifold_mpc_ros.dynamics.wheel_allocation import _CROWDED as CROWDED
 from manifold_mpc_ros.dynamics.wheel_allocation import WheelAllocation
 
 
@@ -46,7 +47,7 @@ def least_use(allocation: WheelAllocation, array: WheelArray, part: float) -> fl
 @pytest.mark.parametrize('n', [3, 4, 5, 6])
 def test_exact_least_and_within_limits_against_linear_programs(n: int) -> None:
     rng = np.random.default_rng(n)
-    scaled = 0
+    scaled = compared = 0
     for _ in range(40):
         allocation = drawn(n, rng)
         array, part = allocation._wheels, allocation.part()
@@ -59,8 +60,14 @@ def test_exact_least_and_within_limits_against_linear_programs(n: int) -> None:
             np.testing.assert_allclose(
                 allocation.realised(motor), part * allocation._torque, atol=1e-14)
             use = np.max(np.maximum(motor / allocation.high, motor / allocation.low))
-            assert use == pytest.approx(least_use(allocation, array, part), rel=1e-5, abs=1e-8)
+            least = least_use(allocation, array, part)
+            if np.abs(allocation._momentum).max() <= CROWDED * 1e-2:
+                assert use == pytest.approx(least, rel=1e-5, abs=1e-8)
+                compared += 1
+            else:  # momentum that is near its limit is relieved beside the torque
+                assert least * (1 - 1e-5) <= use <= 1 + 1e-9
     assert 0 < scaled < 40
+    assert 5 < compared < 40
 
 
 @pytest.mark.parametrize('null_space', ['away_from_zero', 'balanced'])
