@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import WrenchStamped
+from geometry_msgs.msg import Vector3Stamped, WrenchStamped
 from nav_msgs.msg import Odometry
 from watching import is_settled, values_of
 
@@ -28,15 +28,19 @@ def test_what_is_not_declared_is_found_said_and_planned_with(rig: Rig) -> None:
     states = rig.watch(Odometry, 'odometry')
     diagnostics = rig.watch(DiagnosticArray, '/diagnostics')
     estimates = rig.watch(WrenchStamped, f'{NODE}/disturbance')
+    deviations = rig.watch(Vector3Stamped, f'{NODE}/disturbance_std')
     rig.start('controller', parameters={
         'lockstep': True, 'disturbance.estimate': True,
         'actuators.actuation_delay_s': DECLARED_S})
     rig.start('simulator', parameters={
         'lockstep': True, 'plant.disturbance_torque_n_m': DISTURBANCE,
         'plant.actuation_delay_s': DELAY_S})
-    rig.until(lambda: len(states) > 60 and is_settled(states) and len(estimates) > 0, 'rest')
+    rig.until(lambda: len(states) > 60 and is_settled(states) and bool(estimates)
+              and bool(deviations), 'rest')
     torque = estimates[-1].wrench.torque
     np.testing.assert_allclose([torque.x, torque.y, torque.z], DISTURBANCE, atol=1e-3)
+    assert 0.0 < deviations[-1].vector.x < 1e-2
+    assert deviations[-1].header.frame_id == 'base_link'
     values = values_of(diagnostics, NODE)
     assert float(values['measured_delay_s']) == pytest.approx(DELAY_S, abs=0.1)
     assert values['planned_delay_s'] == values['measured_delay_s']

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import WrenchStamped
+from geometry_msgs.msg import Vector3Stamped, WrenchStamped
 from nav_msgs.msg import Path
 
 from manifold_mpc_ros.config.controller import ControllerConfig
@@ -17,22 +17,23 @@ from manifold_mpc_ros.nodes.managed_node import ManagedNode, Status
 
 
 class Insight:
-    """Publishes ``~/prediction`` and ``~/disturbance`` while somebody subscribes.
+    """Publishes ``~/prediction``, ``~/disturbance`` and its standard deviation to who subscribes.
 
     Says when horizon, period or body do not fit: once in the log each time, and on diagnostics.
     """
 
     def __init__(self, node: ManagedNode) -> None:
-        """Advertise both."""
+        """Advertise them."""
         self._node = node
         self._prediction = node.advertise(Path, '~/prediction')
         self._disturbance = node.advertise(WrenchStamped, '~/disturbance')
+        self._deviation = node.advertise(Vector3Stamped, '~/disturbance_std')
         self._warnings: dict[str, str] = {}
 
     def close(self) -> None:
         """Publish no more."""
-        self._node.destroy_lifecycle_publisher(self._prediction)
-        self._node.destroy_lifecycle_publisher(self._disturbance)
+        for each in (self._prediction, self._disturbance, self._deviation):
+            self._node.destroy_lifecycle_publisher(each)
 
     def add_to(self, status: Status) -> None:
         """Add to a status what does not fit."""
@@ -51,6 +52,11 @@ class Insight:
         if observer is not None and self._disturbance.get_subscription_count() > 0:
             self._disturbance.publish(messages.to_torque(
                 command.stamp_ns, observer.disturbance_B_n_m, config.body_frame_id))
+        if observer is not None and self._deviation.get_subscription_count() > 0:
+            deviation = messages.to_torque(
+                command.stamp_ns, observer.disturbance_std_n_m, config.body_frame_id)
+            self._deviation.publish(Vector3Stamped(
+                header=deviation.header, vector=deviation.wrench.torque))
         if command.solution is not None and self._prediction.get_subscription_count() > 0:
             pointing = config.mpc.target == 'pointing'
             axis_B = config.mpc.pointing_axis_B if pointing else np.eye(3)[0]

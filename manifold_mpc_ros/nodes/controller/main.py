@@ -40,6 +40,7 @@ PROGRAM = Program.managed(
         *command_topics('magnetorquers'),
         ('~/prediction', 'nav_msgs/msg/Path', 'predicted attitudes'),
         ('~/disturbance', 'geometry_msgs/msg/WrenchStamped', 'estimated disturbance torque'),
+        ('~/disturbance_std', 'geometry_msgs/msg/Vector3Stamped', 'its standard deviation'),
     ),
     diagnostics='mode, solver, refusals',
     reset='forget state, setpoint and warm start',
