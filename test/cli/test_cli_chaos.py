@@ -23,7 +23,7 @@ Command = Callable[..., tuple[int, str, str]]
 TOP = Path(__file__).parents[2]
 CHAOS = [sys.executable, '-m', 'manifold_mpc_ros.cli.main', 'chaos']
 #: Beside other tests, two pairs have too little of two cores, and one to answer every 20 ms.
-GENTLE = ['--pairs', '1', '--rate-hz', '10']
+GENTLE = ['--pairs', '1', '--rate-hz', '20']
 
 
 def environment() -> dict[str, str]:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from manifold_mpc_ros.cli.main import main
+from manifold_mpc_ros.dynamics.inertia import nonstandard_inertia
 from manifold_mpc_ros.lab.discontinuity.findings import paper_config
 from manifold_mpc_ros.lab.discontinuity.verb_figures import CASES
 
@@ -46,7 +47,7 @@ def column(path: Path, name: str) -> np.ndarray:
 def test_the_configuration_is_the_papers() -> None:
     config = paper_config()
     assert np.array_equal(config.attitude_weight, np.eye(3))
-    assert np.array_equal(config.rate_weight, config.nonstandard_inertia)
+    assert np.array_equal(config.rate_weight, nonstandard_inertia(config.inertia_kg_m2))
     assert np.array_equal(config.torque_weight, 2.0 * np.eye(3))
     assert (config.terminal_scale, config.horizon, config.forcing) == (0.1, 10, 'paper')
     assert config.max_torque_n_m is None

@@ -181,7 +181,7 @@ def test_a_bag_that_is_there_is_kept(command: Command, tmp_path: Path) -> None:
 def test_mistakes_are_one_line(command: Command, tmp_path: Path) -> None:
     for arguments, words in (
         ((), 'a file or the name of a shipped scenario'),
-        (('no_such',), 'one of cone_'),
+        (('no_such',), 'one of air_bearing'),
         ((tmp_path / 'absent.yaml',), 'a readable YAML file'),
         ((scenario(tmp_path, duratoin_s=3.0),), 'the nearest is duration_s'),
     ):

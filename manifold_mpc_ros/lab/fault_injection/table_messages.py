@@ -112,7 +112,7 @@ STATE_FAULTS = (
     Fault('state-late', 'states are 30 ms late', LINK, OnTopic(STATE, d.late(0.03, 0.03))),
     Fault('state-jitter', 'states are 0 to 60 ms late, some overtake others', LINK,
           OnTopic(STATE, d.late(0.0, 0.06)),
-          Expectation(counters=('controller.refused.odometry.*',))),
+          Expectation(counters=('controller.refused.odometry.*',)), duration_s=2.0),
     Fault('state-publisher-dies', 'the publisher of the state goes away', PUBLISHERS,
           PublisherGone(STATE), Expectation(modes=NO_STATE, recovery_s=4.0)),
     Fault('state-second-publisher', 'another participant publishes attitudes at random',
