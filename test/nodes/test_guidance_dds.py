@@ -41,8 +41,8 @@ def test_a_loop_follows_it_and_a_mode_may_change(rig: Rig) -> None:
     def said(node: str, key: str) -> str:
         return values_of(diagnostics, node).get(key, '')
 
-    rig.until(lambda: said('attitude_controller', 'target') == 'moving'
-              and float(said('attitude_controller', 'attitude_error_deg') or 'inf') < 0.01, 'no lag')
+    rig.until(lambda: said('attitude_controller', 'target') == 'moving' and float(
+        said('attitude_controller', 'attitude_error_deg') or 'inf') < 0.01, 'no lag')
     assert said('attitude_controller', 'target_jumps') == '1'
     rig.until(lambda: bool(said(NODE, 'rate_rad_s')), 'what guidance says')
     assert float(said(NODE, 'rate_rad_s')) == pytest.approx(SLOW)
