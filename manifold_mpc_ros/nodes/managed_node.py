@@ -89,7 +89,7 @@ class ManagedNode(LifecycleNode):
         self.autostart = self._table.flag('autostart')
         self.configuring = False
         self._built = False
-        self.active = False
+        self.active, self.activations = False, 0
         self.refusals = RefusalLog()
         #: What adds to each status of the active node.
         self.status_parts: list[Callable[[Status], None]] = []
@@ -199,7 +199,7 @@ class ManagedNode(LifecycleNode):
         """Begin to act."""
         result = super().on_activate(state)
         self.start()
-        self.active = True
+        self.active, self.activations = True, self.activations + 1
         self._bond.begin()
         self.get_logger().info('active')
         return result

@@ -39,6 +39,7 @@ class SetpointInput:
         self._on_setpoint = on_setpoint
         self._given_ns: deque[int] = deque(maxlen=INPUT_QOS.depth)
         self._latched: Subscription | None = None
+        self._activation = 0
         self._subscription = node.listen(kind, topic, self._on_message, INPUT_QOS)
         self._timer = node.tick_every(LOOK_PERIOD_S, f'latched {topic}', self._look)
 
@@ -50,9 +51,10 @@ class SetpointInput:
 
     def _look(self) -> None:
         """Ask for what a latched publisher keeps, once in an activation."""
-        if not self._node.active:
+        if self._activation != self._node.activations:
             self._drop_latched()
-        elif self._latched is None and any(
+            self._activation = self._node.activations
+        if self._node.active and self._latched is None and any(
                 each.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
                 for each in self._node.get_publishers_info_by_topic(
                     self._subscription.topic_name)):

@@ -72,7 +72,7 @@ def test_a_latched_setpoint_from_before_the_start_counts_once(
     assert counted >= 3
     for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_ACTIVATE):
         assert rig.transition('/attitude_controller', transition)
-    bench.until(lambda: int(bench.value('setpoints')) > counted,
+    bench.until(lambda: bench.value('setpoints') == str(counted + 1),
                 'the setpoint after a new start', valid)
     assert 'QoS' not in bench.process.log
     assert odometry(1).child_frame_id == 'base_link'
