@@ -163,7 +163,7 @@ def test_an_interrupt_ends_it(quick: Path, tmp_path: Path) -> None:
     path = os.pathsep.join([str(TOP), *filter(None, [os.environ.get('PYTHONPATH')])])
     process = subprocess.Popen(
         [sys.executable, '-m', 'manifold_mpc_ros.cli.main', 'domain', '--controller-config',
-         str(quick), '--states', '3000', '--no-picture', '--workers', '2', '--output',
+         str(quick), '--states', '30000', '--no-picture', '--workers', '2', '--output',
          str(tmp_path)], env=dict(os.environ, PYTHONPATH=path), text=True,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True,
         preexec_fn=take_interrupts)
