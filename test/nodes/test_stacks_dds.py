@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import message_packages
+import numpy as np
 import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
@@ -23,6 +24,7 @@ if message_packages.missing():
                 allow_module_level=True)
 
 from stacks import FULL_SCALE, PLANTS, Px4, built
+from visualization_msgs.msg import MarkerArray
 
 from manifold_mpc_ros.cli.processes import node_environment
 from manifold_mpc_ros.config.description import PRESETS
@@ -62,6 +64,10 @@ def test_four_stacks_close_the_loop_from_180_degrees(rig: Rig, packages: Path) -
             'full_scale_torque_n_m': FULL_SCALE.tolist()}, remap={'__ns': f'/{name}'},
             PYTHONPATH=str(packages))
         plants.append(make(rig.node, f'/{name}'))
+    rig.run(['manifold_mpc_ros.nodes.markers.main', '--ros-args', '-r', '__ns:=/px4',
+             '-p', 'state_source:=px4', '-p', 'command_sink:=px4',
+             '-p', f'full_scale_torque_n_m:={FULL_SCALE.tolist()}'], PYTHONPATH=str(packages))
+    pictures = rig.watch(MarkerArray, '/px4/attitude_markers/markers')
 
     def tend() -> None:
         for plant in plants:
@@ -72,6 +78,9 @@ def test_four_stacks_close_the_loop_from_180_degrees(rig: Rig, packages: Path) -
     vehicle, = (plant for plant in plants if isinstance(plant, Px4))
     rig.until(lambda: len(vehicle.heartbeats) > 3, 'offboard mode kept up')
     assert all(beat.thrust_and_torque and not beat.attitude for beat in vehicle.heartbeats)
+    rig.until(lambda: {'body', 'torque'} <= {
+        marker.ns for picture in pictures for marker in picture.markers}, 'the picture',
+        meanwhile=lambda: vehicle.advance(np.zeros(3)))
     gaps_us = [later.timestamp - beat.timestamp for beat, later in zip(
         vehicle.heartbeats, vehicle.heartbeats[1:], strict=False)]
     assert sorted(gaps_us)[len(gaps_us) // 2] < 500_000  # more than twice a second

@@ -21,6 +21,8 @@ CLOCK_DRIFT = 2e-4
 NEAR_NS = NANOSECONDS
 #: A clock that goes back by more has started again [ns]; messages out of order go back too.
 LARGEST_STEP_BACK_NS = NANOSECONDS // 10
+#: So many messages of either topic wait for the other's, as many as queues of inputs hold.
+WAITING = 10
 
 
 class ForeignClock:
@@ -71,6 +73,8 @@ class DescribedSource:
     """Joins the newest attitude and the newest rate whose stamps are near each other.
 
     Each of the two is part of one state at most; the stamp of the state is that of the attitude.
+    Some of each wait for the other: two full queues of a reader that lags do not begin with the
+    same state.
     """
 
     def __init__(self, description: StateDescription) -> None:
@@ -80,8 +84,8 @@ class DescribedSource:
 
     def forget(self) -> None:
         """Forget the messages that wait for others, and what is known of another clock."""
-        self._attitude: ReadPart | None = None
-        self._rate: ReadPart | None = None
+        self._attitudes: list[ReadPart] = []
+        self._rates: list[ReadPart] = []
         self._clock = ForeignClock()
 
     def read(self, topic: str, message: Any, received_ns: int) -> RawState | Refusal | None:
@@ -93,17 +97,23 @@ class DescribedSource:
         described = self._description
         try:
             if topic == described.attitude.topic:
-                self._attitude = read_part(described.attitude, message, received_ns)
+                self._attitudes.append(read_part(described.attitude, message, received_ns))
             if topic == described.rate.topic:
-                self._rate = read_part(described.rate, message, received_ns)
+                self._rates.append(read_part(described.rate, message, received_ns))
         except (IndexError, *WRONG_FIELD) as error:
             return Refusal(Reason.UNREADABLE, f'{topic}: {error}')
-        attitude, rate = self._attitude, self._rate
-        if attitude is None or rate is None or abs(
-                attitude.stamp_ns - rate.stamp_ns) > described.join_within_ns:
-            return None
-        self._attitude = self._rate = None
-        return self._joined(attitude, rate)
+        del self._attitudes[:-WAITING], self._rates[:-WAITING]
+        pair = self._pair()
+        return None if pair is None else self._joined(*pair)
+
+    def _pair(self) -> tuple[ReadPart, ReadPart] | None:
+        """Take the newest two that are near each other; those before them wait no longer."""
+        for i, attitude in reversed(list(enumerate(self._attitudes))):
+            for k, rate in reversed(list(enumerate(self._rates))):
+                if abs(attitude.stamp_ns - rate.stamp_ns) <= self._description.join_within_ns:
+                    del self._attitudes[:i + 1], self._rates[:k + 1]
+                    return attitude, rate
+        return None
 
     def _joined(self, attitude: ReadPart, rate: ReadPart) -> RawState | Refusal:
         """Return the state of both parts in our conventions."""

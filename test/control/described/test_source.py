@@ -59,6 +59,21 @@ def test_newest_of_both_are_joined_once_when_their_stamps_are_near(tmp_path: Pat
     assert joined.read('a', attitude_at(1.016), SECOND) is None  # and this rate is forgotten
 
 
+@pytest.mark.parametrize('behind', range(-9, 10))
+def test_two_topics_of_which_one_lags_are_joined_all_the_same(tmp_path: Path, behind: int) -> None:
+    """As from full queues that have lost different messages: attitude k comes with rate k + n."""
+    joined = source(tmp_path, {'stamp': 't'}, {'stamp': 't'}, join_within_s=0.01)
+    states = []
+    for k in range(10, 40):
+        late = k + behind
+        states += [joined.read('a', attitude_at(SimpleNamespace(sec=k, nanosec=0)), SECOND),
+                   joined.read('r', rate_at(SimpleNamespace(sec=late, nanosec=0), (late, 0, 0)),
+                               SECOND)]
+    found = [(state.stamp_ns, state.omega_BN_B[0]) for state in states
+             if isinstance(state, RawState)]
+    assert found == [(k * SECOND, k) for k in range(max(10, 10 + behind), min(40, 40 + behind))]
+
+
 @pytest.mark.parametrize(('stamp', 'given', 'expected_ns'), [
     ({'stamp': 't'}, SimpleNamespace(sec=3, nanosec=4), 3 * SECOND + 4),
     ({'stamp': 't', 'stamp_unit': 'us'}, 3_000_000, 7 * SECOND),  # boot time: received now
