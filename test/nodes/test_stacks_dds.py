@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import message_packages
-import numpy as np
 import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 (rclpy) is not installed')
@@ -76,11 +75,11 @@ def test_four_stacks_close_the_loop_from_180_degrees(rig: Rig, packages: Path) -
     rig.until(lambda: all(plant.settled for plant in plants), 'rest at the setpoint',
               meanwhile=tend)
     vehicle, = (plant for plant in plants if isinstance(plant, Px4))
-    rig.until(lambda: len(vehicle.heartbeats) > 3, 'offboard mode kept up')
+    rig.until(lambda: len(vehicle.heartbeats) > 10, 'offboard mode kept up')
     assert all(beat.thrust_and_torque and not beat.attitude for beat in vehicle.heartbeats)
     rig.until(lambda: {'body', 'torque'} <= {
         marker.ns for picture in pictures for marker in picture.markers}, 'the picture',
-        meanwhile=lambda: vehicle.advance(np.zeros(3)))
+        meanwhile=lambda: vehicle.advance([0.05, 0.0, 0.0]))  # no arrow of a torque of zero
     gaps_us = [later.timestamp - beat.timestamp for beat, later in zip(
         vehicle.heartbeats, vehicle.heartbeats[1:], strict=False)]
     assert sorted(gaps_us)[len(gaps_us) // 2] < 500_000  # more than twice a second
