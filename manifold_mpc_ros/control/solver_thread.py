@@ -83,7 +83,8 @@ class Solver(Protocol):
 def solve_with(solver: Solver, max_solve_time_s: float | None = None) -> Solve:
     """Return the function that answers requests with a solver, in its own time or in this [s].
 
-    Where a target runs away from every plan, faster than the limits, the plan goes to where it is.
+    Where a target runs away from every plan, faster than the limits, the plan goes to where it is;
+    it keeps the margins to rate limits of plans about targets that move.
     """
     def solve(request: SolveRequest) -> AttitudeMpcSolution:
         if request.cold:
@@ -103,8 +104,9 @@ def solve_with(solver: Solver, max_solve_time_s: float | None = None) -> Solve:
         solution = answer(**more, reference=request.reference)
         if solution.status is not SolveStatus.FAILED or not solution.limits_used > 1.0:
             return solution
-        return answer(**more)._replace(status=SolveStatus.INFEASIBLE,
-                                       limits_used=solution.limits_used)
+        still = Reference.fixed(request.R_ND, len(request.reference.R_ND) - 1)
+        return answer(**more, reference=still)._replace(
+            status=SolveStatus.INFEASIBLE, limits_used=solution.limits_used)
 
     return solve
 

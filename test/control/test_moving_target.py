@@ -98,7 +98,7 @@ def test_one_that_no_limit_allows_is_followed_as_near_as_they_do(mpc: AttitudeMp
     solution = flight.commands[-1].solution
     assert solution is not None
     assert (solution.status, solution.limits_used > 1.3) == (SolveStatus.INFEASIBLE, True)
-    assert (np.abs(flight.rate_rad_s) < 0.6 * (1.0 + 1e-3)).all()
+    assert (np.abs(flight.rate_rad_s) < 0.6).all()
     assert (np.abs(flight.torque_n_m) <= 0.3 * (1.0 + 1e-9)).all()
     assert flight.rate_rad_s[-1, 2] > 0.55
 
@@ -106,15 +106,15 @@ def test_one_that_no_limit_allows_is_followed_as_near_as_they_do(mpc: AttitudeMp
 def test_one_that_runs_away_from_every_plan_is_gone_after() -> None:
     mpc = AttitudeMpc(configuration(**CERTIFIED), moving=True)
     body = ContinuousBody(CONFIG.inertia_kg_m2, step_s=0.05, R_NB=so3.exp([0.0, 0.0, 1.0]))
-    away = trajectory(spin([0.0, 0.0, -2.5]), 20.0, 0.5)
+    away = trajectory(spin([1.5, 2.0, -2.0]), 20.0, 0.5)  # 0.24 % beyond without margins
     assert mpc.solve(body.R_NB, body.omega_BN_B, reference=away.over_horizon(
         EPOCH_NS, 0.5, 20)).status is SolveStatus.FAILED
-    flight = fly(mpc, body, away, 6.0)
+    flight = fly(mpc, body, away, 7.0)
     assert {command.mode for command in flight.commands} == {Mode.NOMINAL}
     assert all(command.solution.status is SolveStatus.INFEASIBLE  # type: ignore[union-attr]
                and command.solution.limits_used > 3.0  # type: ignore[union-attr]
                for command in flight.commands)
-    assert (np.abs(flight.rate_rad_s) < 0.6 * (1.0 + 1e-2)).all()
+    assert (np.abs(flight.rate_rad_s) < 0.6).all()
     assert np.abs(flight.torque_n_m).max() > 0.2
 
 
