@@ -36,6 +36,11 @@ class Between(NamedTuple):
     bend: float
     swing: float
 
+    @property
+    def turn_rad(self) -> float:
+        """What a body turns from the nearer sample at most: h/2 |omega| + h^2/8 |omega'| [rad]."""
+        return float((2.0 * self.bend) ** 0.5 - self.swing)
+
 
 @dataclass(frozen=True, eq=False)
 class Cone:
@@ -104,20 +109,26 @@ class Cone:
     def tightened(self, between: Between, moved: float = 0.0) -> Cone:
         """Return the cone that, kept at samples, keeps this one between them: theory.md (23).
 
+        Of a group its part in keeping one member of it at every instant: theory.md (24b).
         ``moved`` is the largest distance of its unit directions at two samples in succession.
 
         Raises ConfigurationError when nothing of it is left.
         """
-        edge, sine = self.sign * float(np.cos(self.half_angle_rad)), 1.0
-        for _ in range(_REPEATED):  # each valid, from above
-            bound = edge - between.bend - moved - between.swing * sine
-            sine = (1.0 - bound ** 2) ** 0.5 if 0.0 <= bound < 1.0 else 1.0
+        if self.group is None:
+            edge, sine = self.sign * float(np.cos(self.half_angle_rad)), 1.0
+            for _ in range(_REPEATED):  # each valid, from above
+                bound = edge - between.bend - moved - between.swing * sine
+                sine = (1.0 - bound ** 2) ** 0.5 if 0.0 <= bound < 1.0 else 1.0
+            moves = f'{moved + sum(between):.3g} in cosine'
+        else:
+            turn = between.turn_rad + 2.0 * float(np.arcsin(min(moved / 2.0, 1.0)))
+            bound = -float(np.cos(max(self.half_angle_rad - turn, 0.0)))
+            moves = f'{np.degrees(turn):.3g} degrees'
         if bound <= -1.0:
             raise ConfigurationError(
                 f'cones.{self.name}', f'{np.degrees(self.half_angle_rad):.4g} degrees',
                 'a half angle that leaves some direction allowed, between samples too (there the '
-                f'axis moves by up to {moved + sum(between):.3g} in cosine; less with a shorter '
-                'step_s or lower limits)')
+                f'axis moves by up to {moves}; less with a shorter step_s or lower limits)')
         angle = float(np.arccos(self.sign * bound))
         return replace(self, half_angle_rad=angle)
 
@@ -153,20 +164,8 @@ def joined(given: Sequence[Cone], margins: Array) -> dict[str, Array]:
 
 def tightened(given: Sequence[Cone], between: Between, moved: Sequence[float]
               ) -> tuple[Cone, ...]:
-    """Map cones to those that, kept at samples, keep them between: docs/theory.md (23), (25)."""
-    wide = {name: 1.0 + min(np.cos(each.half_angle_rad) for each in members)
-            for name, members in groups(given).items()}
-    kept = []
-    for each, shift in zip(given, moved):
-        if each.group is None:
-            kept.append(each.tightened(between, shift))
-            continue
-        part = 1.0 - (sum(between) + max(moved)) / wide[each.group]
-        bound = (1.0 + np.cos(each.half_angle_rad)) / part - 1.0 if part > 0.0 else 1.0
-        if bound >= 1.0:
-            each.tightened(Between(2.0, 0.0))  # raises: nothing is left
-        kept.append(replace(each, half_angle_rad=float(np.arccos(bound))))
-    return tuple(kept)
+    """Map cones to those that, kept at samples, keep them between."""
+    return tuple(each.tightened(between, shift) for each, shift in zip(given, moved))
 
 
 def cone_names(values: Mapping[str, Any]) -> list[str]:

@@ -174,13 +174,47 @@ def test_the_mean_of_a_group_is_no_more_than_its_best_member() -> None:
     assert (mean >= 0.96 * shares.max(axis=1)).all()
 
 
-def test_members_of_a_group_are_tightened_together() -> None:
-    between = Between(0.01, 0.005)
-    given = [Cone(name, (1, 0, 0), (0, 0, 1), angle, 'keep_in', 'any')
-             for name, angle in (('a', 1.0), ('b', 1.5))]
-    kept = tightened(given, between, [0.0, 0.0])
-    worst = 1.0 - sum(between) / (1.0 + np.cos(kept[1].half_angle_rad))
-    for one, other in zip(given, kept):
-        assert (1.0 + np.cos(other.half_angle_rad)) * worst >= 1.0 + np.cos(one.half_angle_rad)
-    with pytest.raises(ConfigurationError, match=r'cones\.a: .* degrees'):
-        tightened(given, Between(0.9, 0.2), [0.0, 0.0])
+@pytest.mark.parametrize('arc', [0.0, 0.01])
+def test_a_group_kept_at_samples_is_kept_between_them_whoever_takes_over(arc: float) -> None:
+    """Of two members each keeps its cone at one end of a step alone, just so.
+
+    Motions within the bounds of rate (at the ends) and acceleration, every second one along them
+    and turning the members out; the direction moves on an arc, at once, steadily or at the end.
+    """
+    rng, n, step, rate, faster, fine = generator('group', arc), 3000, 0.5, 0.4, 0.3, 100
+    between = Between(step ** 2 / 8 * (rate + step / 2 * faster) ** 2, step ** 2 / 8 * faster)
+    members = [Cone(name, (1, 0, 0), (0, 0, 1), angle, 'keep_in', 'any')
+               for name, angle in (('a', 0.5), ('b', 1.3))]
+    kept = tightened(members, between, [2.0 * np.sin(arc / 2.0)] * 2)
+
+    worst = np.arange(n) % 2 == 0
+    first, second, omega = (each * rng.uniform(size=(n, 1)) for each in (
+        faster * unit_vectors(rng, n), faster * unit_vectors(rng, n), rate * unit_vectors(rng, n)))
+    along = unit_vectors(rng, n)[worst]
+    first[worst], second[worst], omega[worst] = faster * along, -faster * along, rate * along
+    may = np.linalg.norm(omega + step / 2 * (first + second), axis=1) <= rate + 1e-12
+    R, path = so3.random_rotations(rng, n), []
+    axis_N = np.einsum('nij,nj->ni', R, omega / np.linalg.norm(omega, axis=1)[:, None])
+    for k in range(fine + 1):
+        path.append(R)
+        change = first if k < fine // 2 else second
+        R = R @ so3.exp(step / fine * (omega + step / fine / 2 * change))
+        omega = omega + step / fine * change
+
+    start = np.cross(axis_N, unit_vectors(rng, n))
+    start /= np.linalg.norm(start, axis=1)[:, None]
+    across = np.where(worst[:, None], axis_N, np.cross(start, unit_vectors(rng, n)))
+    across /= np.linalg.norm(across, axis=1)[:, None]  # at right angles to the direction
+    place = np.linspace(0.0, 1.0, fine + 1)[:, None] ** rng.choice([0.05, 1.0, 20.0], n)
+    seen = np.einsum('knij,nj->kni', so3.exp(-arc * place[:, :, None] * across), start)
+    best = np.full((fine + 1, n), -np.inf)
+    for cone, each, end, out in zip(members, kept, (0, -1), (1.0, -1.0)):
+        edge = so3.exp(out * each.half_angle_rad * across) @ seen[end][:, :, None]
+        axes = np.array(path) @ (np.swapaxes(path[end], 1, 2) @ edge)
+        cosines = np.einsum('kni,kni->kn', axes[..., 0], seen)
+        best = np.maximum(best, cone.half_angle_rad - np.arccos(np.clip(cosines, -1.0, 1.0)))
+    assert may.sum() > 0.9 * n
+    assert best[:, may].min() >= -1e-6
+    assert best[:, worst].min() <= arc + 1e-3  # and it is needed
+    with pytest.raises(ConfigurationError, match=r'cones\.a: .*moves by up to .* degrees'):
+        tightened(members, Between(0.2, 0.02), [0.0, 0.0])

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 from golden import GOLDEN
 
-from manifold_mpc_ros.config.cones import Cone, between_samples
+from manifold_mpc_ros.config.cones import Cone, between_samples, joined
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lab.recording.bags.cones import (
-    ConeHistory,
     cone_histories,
     least_margins_rad,
     violated_s,
@@ -22,6 +21,8 @@ from manifold_mpc_ros.lab.recording.bags.cones import (
 from manifold_mpc_ros.lab.recording.bags.run import BagRun, read_run
 from manifold_mpc_ros.lab.recording.bags.verdict import judge
 from manifold_mpc_ros.lab.recording.scenarios.scenario import Scenario
+from manifold_mpc_ros.lab.reference import cone_history
+from manifold_mpc_ros.lab.reference.cone_history import ConeHistory
 from manifold_mpc_ros.lie import so3
 
 BAG = GOLDEN / 'cone.mcap'
@@ -63,30 +64,34 @@ def test_the_verdict_says_for_how_long_a_cone_is_not_kept_and_by_how_much(run: B
 def test_the_bound_between_states_holds_and_is_tight(run: BagRun) -> None:
     """Of random motions within the limits, against 40 times finer steps."""
     config = run.scenario.controller_config.mpc  # type: ignore[union-attr]
-    rng, closest = np.random.default_rng(3), np.inf
-    for kind in ('keep_out', 'keep_in'):
+    rng, directions = np.random.default_rng(3), (0.3, 0.9, 0.1)
+    single = [[Cone('c', (1.0, 0.0, 0.0), directions, 1.2, kind)]
+              for kind in ('keep_out', 'keep_in')]
+    group = [Cone(f'c{i}', axis, directions, 1.0, 'keep_in', 'any')
+             for i, axis in enumerate(np.eye(3)[:2])]
+    for cones in (*single, group):
         R = so3.random_rotations(rng, 200)
         omega = rng.uniform(-0.2, 0.2, (200, 3))
         tau = 0.3 * rng.choice([-1.0, 1.0], (200, 3))
-        cone = Cone('c', (1.0, 0.0, 0.0), (0.3, 0.9, 0.1), 1.2, kind)
-        axes = [R @ cone.axis_B]
-        rate = float(np.linalg.norm(omega, axis=1).max())
+        path, rates = [R], [omega]
         for _ in range(40):
             R, omega = lgvi_step(R, omega, tau, inertia_kg_m2=config.inertia_kg_m2,
                                  step_s=config.step_s / 40)
-            axes.append(R @ cone.axis_B)
-        rate = max(rate, float(np.linalg.norm(omega, axis=1).max()))
+            path.append(R)
+            rates.append(omega)
+        rate = max(float(np.linalg.norm(rates[end], axis=1).max()) for end in (0, -1))
         between = between_samples(
             config.inertia_kg_m2, config.largest_acceleration_rad_s2, rate, config.step_s)
-        cosines = np.array(axes) @ cone.direction_N
-        true = np.min(cone.sign * (np.arccos(cosines) - cone.half_angle_rad), axis=0)
+        closest = np.inf
         for i in range(200):
-            pair = np.array([axes[0][i], axes[-1][i]])
-            bound = ConeHistory(cone, pair, np.tile(cone.direction_N, (2, 1))
-                                ).least_margins_rad([between])[0]
-            assert bound <= true[i] + 1e-9
-            closest = min(closest, true[i] - bound)
-    assert closest < np.radians(2.0)
+            way = np.array([each[i] for each in path])
+            true, = joined(cones, np.array([cone.margins_rad(way) for cone in cones])).values()
+            bound, = cone_history.least_margins_rad([ConeHistory(
+                cone, way[[0, -1]] @ cone.axis_B, np.tile(cone.direction_N, (2, 1)))
+                for cone in cones], [between]).values()
+            assert bound[0] <= true.min() + 1e-9
+            closest = min(closest, true.min() - bound[0])
+        assert closest < np.radians(2.0)
 
 
 def test_every_interval_has_a_margin(run: BagRun) -> None:

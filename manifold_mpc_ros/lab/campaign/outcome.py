@@ -21,7 +21,7 @@ from manifold_mpc_ros.lab.campaign.plan import CampaignPlan
 from manifold_mpc_ros.lab.campaign.random_cones import straight_way
 from manifold_mpc_ros.lab.campaign.sets import Limits
 from manifold_mpc_ros.lab.closed_loop import settling_time
-from manifold_mpc_ros.lab.reference.cone_history import ConeHistory
+from manifold_mpc_ros.lab.reference.cone_history import ConeHistory, least_margins_rad
 from manifold_mpc_ros.lab.reference.stage_cost import stage_costs
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.lie.arrays import AnyArray as Array
@@ -194,7 +194,7 @@ def _exceeded(course: Course, config: AttitudeMpcConfig) -> int:
 
 
 def _cones(course: Course) -> dict[str, Any]:
-    """Return how the cones were kept; between the body's steps by docs/theory.md (23)."""
+    """Return how the cones were kept, between the body's steps too."""
     cones, path, case = course.case.cones, course.path_R_NB, course.case
     found = {'cones': len(cones), 'way_crosses_a_cone': False, 'cone_violations': 0,
              'cone_violation_s': 0.0, 'least_cone_margin_deg': None}
@@ -205,12 +205,12 @@ def _cones(course: Course) -> dict[str, Any]:
         + disturbed / np.linalg.eigvalsh(J)[0]
     rate = np.linalg.norm(course.path_omega_BN_B, axis=1).max()
     between = [between_samples(J, float(acceleration), float(rate), course.path_step_s)]
-    straight, at_ticks, sure = (
-        np.min(list(joined(cones, np.array(margins)).values()), axis=0) for margins in (
-            [cone.margins_rad(straight_way(path[0], case.R_ND)) for cone in cones],
-            [cone.margins_rad(course.R_NB) for cone in cones],
-            [ConeHistory(cone, path @ cone.axis_B, np.tile(cone.direction_N, (len(path), 1)))
-             .least_margins_rad(between * (len(path) - 1)) for cone in cones]))
+    histories = [ConeHistory(cone, path @ cone.axis_B, np.tile(cone.direction_N, (len(path), 1)))
+                 for cone in cones]
+    straight, at_ticks, sure = (np.min(list(margins.values()), axis=0) for margins in (
+        *(joined(cones, np.array([cone.margins_rad(R_NB) for cone in cones]))
+          for R_NB in (straight_way(path[0], case.R_ND), course.R_NB)),
+        least_margins_rad(histories, between * (len(path) - 1))))
     return found | {
         'way_crosses_a_cone': bool(straight.min() < 0.0),
         'cone_violations': int(np.count_nonzero(at_ticks < 0.0)),

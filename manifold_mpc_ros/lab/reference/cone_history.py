@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from manifold_mpc_ros.config.cones import Between, Cone
+from manifold_mpc_ros.config.cones import Between, Cone, joined
 from manifold_mpc_ros.lie.arrays import Array
 
 
@@ -31,18 +31,45 @@ class ConeHistory:
         """The angle between them (n,) [rad]."""
         return np.asarray(np.arccos(np.clip(self.cosine, -1.0, 1.0)))
 
-    def least_margins_rad(self, between: Sequence[Between]) -> Array:
-        """Return by what angle the cone is kept at least between states (n - 1,) [rad].
+    @property
+    def ends(self) -> Array:
+        """The cosines (3, n - 1) at the ends of the intervals.
 
-        ``between`` bounds the motion in each of n - 1 intervals: docs/theory.md (23). A direction
-        that came in between is taken for both.
+        At the first, at the last, and at the last with a direction that came in between.
         """
-        sign, axis, seen = self.cone.sign, self.axis_N, self.direction_N
-        cosines = sign * np.array([np.sum(axis[i] * seen[j], axis=1) for i, j in (
+        axis, seen = self.axis_N, self.direction_N
+        return np.array([np.sum(axis[i] * seen[j], axis=1) for i, j in (
             (slice(None, -1), slice(None, -1)), (slice(1, None), slice(None, -1)),
             (slice(1, None), slice(1, None)))])
-        bend, swing = np.array(between).T
-        most = cosines.max(axis=0)
+
+    def margins_rad(self, cosines: Array) -> Array:
+        """Map cosines to the angles by which they keep the cone [rad]."""
+        cone = self.cone
+        return cone.sign * (np.arccos(np.clip(cosines, -1.0, 1.0)) - cone.half_angle_rad)
+
+    def least_margins_rad(self, between: Sequence[Between]) -> Array:
+        """Return by what angle the cone is kept at least in each interval (n - 1,) [rad].
+
+        ``between`` bounds the motion in it: docs/theory.md (23).
+        """
+        sign, (bend, swing) = self.cone.sign, np.array(between).T
+        most = (sign * self.ends).max(axis=0)
         sine = np.where(most >= 0.0, np.sqrt(np.maximum(0.0, 1.0 - most ** 2)), 1.0)
-        worst = np.clip(sign * (most + bend + swing * sine), -1.0, 1.0)
-        return np.asarray(sign * (np.arccos(worst) - self.cone.half_angle_rad))
+        return self.margins_rad(sign * (most + bend + swing * sine))
+
+
+def least_margins_rad(histories: Sequence[ConeHistory], between: Sequence[Between]
+                      ) -> dict[str, Array]:
+    """Return by what angle each cone or group is kept at least in each interval (n - 1,) [rad].
+
+    Of a group by the better of two bounds: of one member throughout by (23), and of the best one
+    at the nearer end less the turn from there, docs/theory.md (24b).
+    """
+    least = joined([each.cone for each in histories],
+                   np.array([each.least_margins_rad(between) for each in histories]))
+    members = [each for each in histories if each.cone.group is not None]
+    ends = joined([each.cone for each in members],
+                  np.array([each.margins_rad(each.ends) for each in members]))
+    turns = np.array([each.turn_rad for each in between])
+    return least | {name: np.maximum(least[name], margins.min(axis=0) - turns)
+                    for name, margins in ends.items()}

@@ -134,7 +134,7 @@ def _curved(s: ca.SX, r: ca.SX) -> ca.SX:
 
 
 class AnyOf(ConeInequality):
-    """Values ``1 - M``, one a group of keep-in cones: docs/theory.md (25).
+    """Values ``1 - M``, one a group of keep-in cones: docs/theory.md (24a).
 
     M is the mean of power 32 of ``e_i = (1 + s_i . R b_i) / (1 + cos theta_i)``, at most the
     largest of them: with M >= 1 some cone is kept. With ``q_i = e_i / M``, over n members,

@@ -5,7 +5,7 @@
 As :mod:`..peers.oracle`, with the attitude quaternion of every node as an unknown: cones at
 every node make the problem without them dense. Written down and compiled once a configuration;
 initial state, cones and terminal level are parameters. Of a group of keep-in cones the mean of
-power 32 is kept, as docs/theory.md (25) has it.
+power 32 is kept, as docs/theory.md (24a) has it.
 """
 
 from __future__ import annotations

@@ -9,10 +9,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from manifold_mpc_ros.config.cones import between_samples, joined
+from manifold_mpc_ros.config.cones import between_samples
 from manifold_mpc_ros.control.moving.directions import ConeDirections
 from manifold_mpc_ros.lab.recording.bags import assemble
 from manifold_mpc_ros.lab.recording.bags.run import BagRun
+from manifold_mpc_ros.lab.reference import cone_history
 from manifold_mpc_ros.lab.reference.cone_history import ConeHistory
 from manifold_mpc_ros.lie.arrays import Array
 
@@ -43,7 +44,7 @@ def cone_histories(run: BagRun) -> list[ConeHistory]:
 def least_margins_rad(run: BagRun, histories: Sequence[ConeHistory]) -> dict[str, Array]:
     """Return by what angle each cone or group is kept at least between states (n - 1,) [rad].
 
-    By docs/theory.md (23), with the largest rate that was measured and the controller's limits.
+    By the largest rate that was measured and the controller's limits.
     """
     assert run.scenario is not None
     config = run.scenario.controller_config.mpc
@@ -53,8 +54,7 @@ def least_margins_rad(run: BagRun, histories: Sequence[ConeHistory]) -> dict[str
         config.inertia_kg_m2, config.largest_acceleration_rad_s2, rate, float(step))
         for step in set(np.round(steps, 9))}
     between = [bounds[step] for step in np.round(steps, 9)]
-    margins = np.array([each.least_margins_rad(between) for each in histories])
-    return joined([each.cone for each in histories], margins)
+    return cone_history.least_margins_rad(histories, between)
 
 
 def violated_s(run: BagRun) -> tuple[float, str, float] | None:
