@@ -4,10 +4,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from manifold_mpc_ros.errors import BagError
+from manifold_mpc_ros.lab.recording.bags import contents, decode
+from manifold_mpc_ros.lab.recording.bags.contents import BagTopic
 from manifold_mpc_ros.lab.recording.bags.run import read_run
+from manifold_mpc_ros.lab.recording.bags.writer import BagWriter
+from manifold_mpc_ros.lie import so3
 
 GOLDEN = Path(__file__).parent / 'recording' / 'golden'
 NAMES = sorted(path.stem for path in GOLDEN.glob('*.mcap'))
@@ -27,3 +32,22 @@ def truncated(name: str, folder: Path) -> Path:
         except BagError:
             break
     raise AssertionError(f'{name} has all of its states in one chunk')
+
+
+def with_odometry_setpoint(path: Path) -> Path:
+    """Write the golden bag of guidance with an odometry setpoint for its spin; return where."""
+    run = read_run(GOLDEN / 'guidance.mcap')
+    topic, stamp_ns = run.topics.odometry_setpoint, int(run.references.stamp_ns[1])
+    R_ND, omega_DN_D = run.references.trajectories[1].at(stamp_ns)
+    w, x, y, z = so3.quaternion_from_rotation(R_ND)
+    spin = decode.odometry_cdr(stamp_ns, (x, y, z, w), omega_DN_D, ('inertial', 'base_link'))
+    with BagWriter(path) as writer:
+        for known in (*run.contents.topics.values(), BagTopic(topic, decode.ODOMETRY)):
+            writer.add_topic(known)
+        for message in run.contents.messages:
+            moved = message.topic == run.topics.reference \
+                and contents.stamp_ns_of(message.data) == stamp_ns
+            writer.write(replace(message, topic=topic, data=spin) if moved else message)
+        writer.add_custom({key: value for key, value in run.contents.custom.items()
+                           if key != contents.CUSTOM_CHECKSUMS})
+    return path

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from golden import GOLDEN, NAMES, truncated
+from golden import GOLDEN, NAMES, truncated, with_odometry_setpoint
 
 from manifold_mpc_ros.cli.processes import node_environment
 from manifold_mpc_ros.lab.recording.bags.contents import BagTopic, RawMessage
@@ -68,6 +68,13 @@ def test_golden_bags_give_the_same_torques(name: str) -> None:
     commands = read_run(GOLDEN / f'{name}.mcap').commands
     assert f'{len(commands)} recorded torques, 0 of them without an answer' in done.stdout
     assert done.stdout.endswith('PASS\n')
+
+
+def test_an_odometry_setpoint_is_replayed(tmp_path: Path) -> None:
+    # The last recorded plan sees the end of the reference, which the setpoint does not have.
+    done = run('replay', with_odometry_setpoint(tmp_path / 'bag'), '--tolerance', '1e-5')
+    assert (done.returncode, done.stderr) == (0, ''), done.stdout + done.stderr
+    assert '2 setpoints' in done.stdout
 
 
 def test_a_replay_of_a_fresh_recording_has_the_same_bits_and_a_change_is_shown(

@@ -5,10 +5,11 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
-from golden import GOLDEN
+from golden import GOLDEN, with_odometry_setpoint
 
 from manifold_mpc_ros.control.guidance.laws import Guidance
 from manifold_mpc_ros.errors import ConfigurationError
@@ -57,6 +58,17 @@ def test_errors_are_judged_against_the_target_that_moves(run: BagRun) -> None:
         run.references, stamp_ns=run.references.stamp_ns[:0], time_s=np.zeros(0),
         received_ns=run.references.received_ns[:0], trajectories=()))
     assert {'settle_time_s', 'final_error_deg'} <= set(judge(without).failed)
+
+
+def test_an_odometry_setpoint_is_commanded_like_the_reference_that_it_stands_for(
+    run: BagRun, tmp_path: Path,
+) -> None:
+    other = read_run(with_odometry_setpoint(tmp_path / 'bag'))
+    assert len(run.contents.of('/reference')) == 1 + len(other.contents.of('/reference')) == 2
+    np.testing.assert_allclose(other.R_ND, run.R_ND, atol=1e-9)
+    np.testing.assert_allclose(other.rate_error_rad_s, run.rate_error_rad_s, atol=1e-9)
+    assert commands_at_s(other) == [13.0]
+    assert judge(other).passed
 
 
 @pytest.mark.parametrize(('old', 'new', 'key'), [

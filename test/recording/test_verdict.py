@@ -129,6 +129,9 @@ def test_settling_is_judged_after_each_setpoint(tmp_path: Path) -> None:
     late = verdict(tmp_path / 'late', limits, messages, duration_s=1.0)
     assert late.judgements[-1].measured == 'not settled, 0 s'
     assert late.failed == ('settle_time_s',)
+    soon = verdict(tmp_path / 'soon', {**limits, 'settle_time_s': 0.6}, messages, duration_s=1.0)
+    assert soon.judgements[-1].measured == 'superseded after 0.5 s, 0 s'
+    assert soon.passed
 
 
 def test_a_run_that_did_not_end_has_not_passed(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME
 from manifold_mpc_ros.control.input_gate import NANOSECONDS
+from manifold_mpc_ros.control.moving.trajectory import Trajectory
 from manifold_mpc_ros.lab.recording.bags import decode
 from manifold_mpc_ros.lab.recording.bags.contents import BagContents
 from manifold_mpc_ros.lab.recording.bags.decode import Stamped, StateValue
@@ -127,9 +128,11 @@ class Source:
             np.array([sample.value[0] for sample in samples]).reshape(-1, 3, 3),
             np.array([sample.value[1] for sample in samples]).reshape(-1, 3))
 
-    def references(self, topic: str, first_ns: int) -> ReferenceSeries:
+    def references(self, trajectories: str, setpoints: str, first_ns: int,
+                   read_setpoint: Callable[[Any], Trajectory]) -> ReferenceSeries:
         """Return what was commanded that moves, each stamp once."""
-        samples = self._decoded(topic, {decode.TRAJECTORY: read_trajectory})
+        samples = self._decoded(trajectories, {decode.TRAJECTORY: read_trajectory})
+        samples += self._decoded(setpoints, {decode.ODOMETRY: read_setpoint})
         once = {sample.stamp_ns: sample for sample in reversed(samples)}
         kept = sorted(once.values(), key=lambda sample: sample.stamp_ns)
         stamps = _integers([sample.stamp_ns for sample in kept])

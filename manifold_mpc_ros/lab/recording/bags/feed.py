@@ -28,7 +28,8 @@ from manifold_mpc_ros.lie.arrays import Array
 
 STATE_TOPICS = {decode.ODOMETRY: '/odometry', decode.IMU: '/imu'}
 ATTITUDE_TOPIC, DIRECTION_TOPIC = '/attitude_setpoint', '/direction_setpoint'
-REFERENCE_TOPIC = '/reference'
+#: What brings targets that move, by topic: the type.
+MOVING = {'/reference': decode.TRAJECTORY, '/odometry_setpoint': decode.ODOMETRY}
 #: What devices report, by topic: the type.
 REPORTS = {f'/{topic}': kind for topic, kind, _ in (WHEEL_STATES, MAGNETIC_FIELD)}
 
@@ -93,11 +94,12 @@ def feed_of(run: BagRun, config: ControllerConfig) -> Feed:
         setpoints = [message for topic, target in (
             (names.attitude_setpoint, ATTITUDE_TOPIC), (names.direction_setpoint, DIRECTION_TOPIC))
             for message in _as_recorded(run, topic, target, run.setpoints.stamp_ns)]
-        setpoints += _as_recorded(
-            run, names.reference, REFERENCE_TOPIC, run.references.stamp_ns)
     else:
         kind = decode.ODOMETRY
         states, setpoints = _states(run, config), _setpoints(run, config)
+    if run.scenario is not None or run.description.controller_parameters:  # frames as they were
+        for topic, target in zip((names.reference, names.odometry_setpoint), MOVING, strict=True):
+            setpoints += _as_recorded(run, topic, target, run.references.stamp_ns)
     for topic in dict.fromkeys(topic for topic, _ in config.cone_topics.values()):
         full = topic if topic.startswith('/') else f'/{topic}'
         stamps = Source(run.contents, [], []).directions(full)[0]

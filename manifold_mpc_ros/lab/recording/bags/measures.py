@@ -31,7 +31,7 @@ def settling_times(
         & (run.rate_error_rad_s < rate_rad_s)
     time_s, begins_s = run.states.time_s, _begins_s(run)
     times: list[float | None] = []
-    for begin_s, end_s in zip(begins_s, [*begins_s[1:], np.inf], strict=True):
+    for begin_s, end_s in zip(begins_s, _ends_s(begins_s), strict=True):
         inside = (time_s >= begin_s) & (time_s < end_s)
         settled_s = settling_time(time_s[inside], below[inside]) if inside.any() else None
         times.append(None if settled_s is None else settled_s - begin_s)
@@ -42,6 +42,17 @@ def settled_at_s(run: BagRun, attitude_deg: float, rate_rad_s: float) -> float |
     """Return the time from which the run is settled to its end [s], None if it is not."""
     last_s = settling_times(run, attitude_deg, rate_rad_s)[-1]
     return None if last_s is None else _begins_s(run)[-1] + last_s
+
+
+def lasted_s(run: BagRun) -> list[float]:
+    """Return for how long the start and each later setpoint held, the last one for ever [s]."""
+    begins_s = _begins_s(run)
+    return [end_s - begin_s for begin_s, end_s in zip(begins_s, _ends_s(begins_s), strict=True)]
+
+
+def _ends_s(begins_s: list[float]) -> list[float]:
+    """Return when each of them is superseded [s]."""
+    return [*begins_s[1:], np.inf]
 
 
 def _begins_s(run: BagRun) -> list[float]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 import json
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +36,7 @@ from manifold_mpc_ros.lab.recording.bags.series import (
     StateSeries,
     TickSeries,
 )
-from manifold_mpc_ros.lab.recording.bags.targets import Commanded
+from manifold_mpc_ros.lab.recording.bags.targets import Commanded, read_moving_setpoint
 from manifold_mpc_ros.lab.recording.bags.translate import StackDescriptions, translated
 from manifold_mpc_ros.lab.recording.scenarios.scenario import Scenario
 from manifold_mpc_ros.lie.arrays import Array
@@ -63,6 +63,7 @@ class TopicNames:
     attitude_setpoint: str = '/attitude_setpoint'
     direction_setpoint: str = '/direction_setpoint'
     reference: str = '/reference'
+    odometry_setpoint: str = '/odometry_setpoint'
     diagnostics: str = '/diagnostics'
     prediction: str = '/attitude_controller/prediction'
     stack: StackDescriptions | None = None
@@ -182,15 +183,19 @@ def read_run(
     if names.received_state and names.received_state != names.state:
         received = source.states(names.received_state, '', '')
     first_ns = int(states.stamp_ns[0])
-    config = (scenario or inside or assemble.shipped_scenario()).controller_config.mpc
+    config = (scenario or inside or assemble.shipped_scenario()).controller_config
+    valid_s = float(description.controller_parameters.get(
+        'reference.timeout_s', config.reference_timeout_s))
     commands = source.commands(names.torque, first_ns, once=lockstep)
     return BagRun(
         path=Path(path), scenario=scenario or inside, description=description,
         lockstep=lockstep, outcome=_outcome(contents), states=states, received_states=received,
         commands=commands,
         setpoints=source.setpoints(
-            names.attitude_setpoint, names.direction_setpoint, first_ns, config),
-        references=source.references(names.reference, first_ns),
+            names.attitude_setpoint, names.direction_setpoint, first_ns, config.mpc),
+        references=source.references(
+            names.reference, names.odometry_setpoint if valid_s else '', first_ns,
+            partial(read_moving_setpoint, valid_s=valid_s, config=config.mpc)),
         ticks=source.ticks(names.diagnostics, len(commands) if lockstep else None),
         predictions=source.predictions(names.prediction), topics=names,
         warnings=tuple(dict.fromkeys(warnings)), notes=tuple(dict.fromkeys(notes)),

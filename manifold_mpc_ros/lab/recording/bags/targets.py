@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, Refusal
-from manifold_mpc_ros.control.moving.gate import Frame, Point, admit_trajectory
+from manifold_mpc_ros.control.moving.gate import Frame, Point, admit_moving, admit_trajectory
 from manifold_mpc_ros.control.moving.trajectory import Trajectory
 from manifold_mpc_ros.control.target import FixedTarget, Target, goes_on
 from manifold_mpc_ros.lab.recording.bags import decode
@@ -25,8 +26,21 @@ def read_trajectory(content: Any) -> Trajectory:
         _ns(point.time_from_start), _numbers(point.transforms[0].rotation, 'xyzw'),
         _angular(point.velocities), _angular(point.accelerations)) for point in content.points]
     frame = content.header.frame_id
-    admitted = admit_trajectory(
-        frame, _ns(content.header.stamp), points, Frame(frame, None))
+    return _usable(admit_trajectory(
+        frame, _ns(content.header.stamp), points, Frame(frame, None)))
+
+
+def read_moving_setpoint(content: Any, valid_s: float, config: AttitudeMpcConfig) -> Trajectory:
+    """Return an odometry setpoint, which goes on for ``valid_s``, in the same way."""
+    frame = content.header.frame_id
+    return _usable(admit_moving(
+        frame, _ns(content.header.stamp), _numbers(content.pose.pose.orientation, 'xyzw'),
+        _numbers(content.twist.twist.angular, 'xyz'), Frame(frame, None),
+        valid_s=valid_s, seen_s=config.steps.in_periods * config.step_s))
+
+
+def _usable(admitted: Trajectory | Refusal) -> Trajectory:
+    """Return what is admitted; raises Unusable for a refusal."""
     if isinstance(admitted, Refusal):
         raise decode.Unusable(admitted.detail)
     return admitted

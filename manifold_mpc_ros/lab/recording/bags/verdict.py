@@ -112,12 +112,19 @@ def _judged(run: BagRun, limits: AcceptanceLimits) -> Iterator[Judgement]:
 
 
 def _settled(run: BagRun, limits: AcceptanceLimits, limit_s: float) -> Judgement:
-    """Judge the settling time after the start and after each setpoint."""
+    """Judge the settling time after the start and after each setpoint.
+
+    One that the next setpoint superseded sooner than the limit had no time to break it.
+    """
     times = measures.settling_times(
         run, limits.attitude_tolerance_deg, limits.rate_tolerance_rad_s)
-    said = ', '.join('not settled' if each is None else f'{each:.4g} s' for each in times)
-    return Judgement('settle_time_s', f'{limit_s:g} s', said,
-                     all(each is not None and each <= limit_s for each in times))
+    said, kept = [], []
+    for time_s, lasted_s in zip(times, measures.lasted_s(run), strict=True):
+        superseded = time_s is None and lasted_s < limit_s
+        said.append(f'superseded after {lasted_s:.4g} s' if superseded
+                    else 'not settled' if time_s is None else f'{time_s:.4g} s')
+        kept.append(superseded or (time_s is not None and time_s <= limit_s))
+    return Judgement('settle_time_s', f'{limit_s:g} s', ', '.join(said), all(kept))
 
 
 def _cones_kept(run: BagRun, limit_s: float) -> Judgement:

@@ -18,7 +18,7 @@ from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.lab.recording.bags.decode import TRAJECTORY
 from manifold_mpc_ros.lab.recording.bags.feed import (
     ATTITUDE_TOPIC,
-    REFERENCE_TOPIC,
+    MOVING,
     REPORTS,
     STATE_TOPICS,
     Feed,
@@ -61,7 +61,7 @@ class Replayer(Listener):
             STATE_TOPICS[feed.state_kind]: feed.state_kind,
             ATTITUDE_TOPIC: 'geometry_msgs/msg/QuaternionStamped'}
         kinds |= {each.topic: REPORTS[each.topic] for each in feed.reports}
-        kinds |= dict.fromkeys(given & {REFERENCE_TOPIC}, TRAJECTORY)
+        kinds |= {topic: MOVING[topic] for topic in given & MOVING.keys()}
         self._publishers: dict[str, Any] = {
             topic: self.node.create_publisher(
                 message_class(kind), topic, LATCHED_QOS if kind == TRAJECTORY else DEEP_QOS)
