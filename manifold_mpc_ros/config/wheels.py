@@ -193,6 +193,16 @@ class WheelArray:
         """Return ``{W u: |u_i| <= limits_i}`` of limits (n,)."""
         return Zonotope(self.normals, np.abs(self.normals @ self.matrix) @ limits)
 
+    def held(self, limits: Array) -> Zonotope:
+        """Return ``{t: |W^+ t|_i <= limits_i}``: what wheels give whose null space rests.
+
+        It has no more facets: lines that are not in one plane span as many planes or more.
+        """
+        used = self.available
+        rows = self.inverse[used]
+        length = np.linalg.norm(rows, axis=1)
+        return Zonotope(rows / length[:, None], limits[used] / length)
+
     @cached_property
     def torques(self) -> Zonotope:
         """The body torques that the available wheels can give."""

@@ -63,6 +63,9 @@ class Actuator(Protocol):
     refusal: str
     found: str
     watches: bool
+    #: The command (n,) that the plan of this tick found: of those that turn as much, what is
+    #: allocated is nearest to it. None: whatever is best now.
+    planned: Array | None
     #: What its devices did last and have used, by the keys of diagnostics.
     usage: Mapping[str, float]
 
@@ -104,6 +107,7 @@ class TorqueActuator:
 
     refusal = found = ''
     watches = True
+    planned: Array | None = None
     usage: Mapping[str, float] = MappingProxyType({})
 
     def __init__(self, max_torque_n_m: Array | None) -> None:

@@ -171,6 +171,7 @@ class ControlLoop:
             self.ahead.see(sample)
         if age_ns is not None and self.logic.wants_plan(age_ns):
             facts, solution = self._solve(time_ns, age_ns)
+        self.output.actuator.planned = None if solution is None else solution.wheel_torque_n_m
         held_B_n_m = self._plan.torque(time_ns)
         decision = self.logic.decide(replace(
             facts, held=held_B_n_m is not None, refused=self.output.actuator.refusal))
@@ -259,8 +260,7 @@ class ControlLoop:
     def _actuate(self, decision: Decision, held_B_n_m: Array | None, time_ns: int, age_ns: int
                  ) -> Actuation:
         """Return what the actuator is commanded in a mode."""
-        mode = decision.mode
-        if mode is Mode.FALLBACK:
+        if (mode := decision.mode) is Mode.FALLBACK:
             return self.output.let_through(self._fall_back(time_ns, age_ns))
         self._fallback.reset()
         if mode not in (Mode.NOMINAL, Mode.HOLD):

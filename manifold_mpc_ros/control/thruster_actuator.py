@@ -58,6 +58,7 @@ class ThrusterActuator:
         self._omega: Array | None = None
         self._before: tuple[Array, Array] | None = None
         self.refusal = self.found = ''
+        self.planned: Array | None = None
         self._rest = np.zeros(3)
         self.pulses, self.propellant_kg = 0, 0.0
         self.usage: Mapping[str, float] = {}

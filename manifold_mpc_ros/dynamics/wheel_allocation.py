@@ -18,7 +18,7 @@ import itertools
 from copy import copy
 
 import numpy as np
-from scipy.optimize import linprog
+from scipy.optimize import linprog, lsq_linear
 
 from manifold_mpc_ros.config.wheels import WheelArray
 from manifold_mpc_ros.lie.arrays import Array
@@ -30,9 +30,13 @@ _BIAS = 0.3
 _NULL_STEPS = 10.0
 # A wheel beyond this part of its momentum is relieved by the others, in so many steps.
 _CROWDED, _RELIEF_STEPS = 0.7, 3.0
+# Of the room that is left for a plan so much is used: what comes next differs a little.
+_KEPT = 0.8
 # A motor at its momentum limit keeps this part of its torque, so that ratios are numbers, and the
 # limit is taken this part lower, so that it is kept all the same.
 _LEAST_PART, _ROOM = 1e-9, 1e-6
+# A demand beyond the limits by less is scaled into them.
+_ROUNDING = 1e-9
 
 
 class WheelAllocation:
@@ -83,19 +87,19 @@ class WheelAllocation:
     def part(self) -> float:
         """Return the largest s <= 1 with ``s tau`` among what the wheels can give now.
 
-        0 where no such s is, which the gyroscopic torque alone may cause.
+        1 where no such s is, which the gyroscopic torque alone may cause.
         """
         rest, whole = self.demand(0.0), self.demand()
         centre, reach = self._facets()
         along, slope = (self._wheels.normals @ each for each in (rest, whole - rest))
         room = np.concatenate([reach + centre - along, reach - centre + along])
         slope = np.concatenate([slope, -slope])
-        with np.errstate(divide='ignore', invalid='ignore'):
+        with np.errstate(divide='ignore', invalid='ignore', over='ignore'):
             ends = room / slope
         least = np.max(ends, where=slope < 0.0, initial=0.0)
         most = np.min(ends, where=slope > 0.0, initial=1.0)
         beyond = least > most or bool((room[slope == 0.0] < 0.0).any())
-        return 0.0 if beyond else float(most)
+        return 1.0 if beyond else float(most)
 
     def _facets(self) -> tuple[Array, Array]:
         """Return ``n . W centre`` and the reach from it, of every facet normal n."""
@@ -103,23 +107,61 @@ class WheelAllocation:
         along = normals @ W
         return (along @ (self.low + self.high)) / 2, np.abs(along) @ (self.high - self.low) / 2
 
-    def motor_torques(self, part: float = 1.0) -> Array:
+    def motor_torques(self, part: float = 1.0, planned_n_m: Array | None = None) -> Array:
         """Return motor torques (n,) within their limits for this part of the torque [N m].
 
-        ``W u`` is the demand to rounding where it is among what the wheels can give, else in its
-        direction. The largest part of its limit that a motor uses is the least possible, but for
-        what the null space is used for.
+        ``W u`` is the demand to rounding where it is among what the wheels can give, else the
+        nearest that they can. The null space is that of ``planned_n_m`` (n,), as far as the limits leave room;
+        without it the largest part of its limit that a motor uses is the least possible, but for
+        what the null space is used for, and for wheels that are nearly full.
         """
-        motor = self._least(self.demand(part))
-        with np.errstate(divide='ignore', invalid='ignore'):
-            parts = np.where(motor > 0.0, motor / self.high, motor / self.low)
-        motor = motor / max(1.0, float(np.max(parts, where=motor != 0.0, initial=0.0)))
+        motor = self._most(part)
+        if planned_n_m is not None:
+            return motor + self._null_motion(motor, planned_n_m - motor)
         parts = np.abs(self._momentum) / self._wheels.max_momentum_n_m_s
         if float(np.max(parts, where=self._wheels.available, initial=0.0)) > _CROWDED:
-            return motor + self._null_motion(motor, 'balanced', _RELIEF_STEPS)
-        if self._wheels.null_space == 'least_torque':
-            return motor
-        return motor + self._null_motion(motor, self._wheels.null_space, _NULL_STEPS)
+            return motor + self._towards(motor, self._balanced(), _RELIEF_STEPS)
+        return motor + self._for_purpose(motor)
+
+    def leading_into(self, room: Array, part: float = 1.0) -> Array:
+        """Return such motor torques (n,) [N m] of four wheels with nu in ``room`` (2,) after them.
+
+        As far as the limits let it; ``room`` is the interval of `null_room` after the step. What
+        the null space is used for is done inside.
+        """
+        motor, line = self._most(part), self._wheels.null_basis[:, 0]
+        wanted = motor + self._for_purpose(motor)
+        after = float(line @ (self._momentum + self._h * wanted))
+        kept = room.mean() + _KEPT * (room - room.mean())
+        return motor + self._null_motion(
+            motor, wanted - motor + (float(np.clip(after, *kept)) - after) / self._h * line)
+
+    def _most(self, part: float) -> Array:
+        """Return the least motor torques (n,) for a part of the torque, within the limits."""
+        demand = self.demand(part)
+        motor = self._least(demand)
+        with np.errstate(divide='ignore', invalid='ignore'):
+            parts = np.where(motor > 0.0, motor / self.high, motor / self.low)
+        largest = max(1.0, float(np.max(parts, where=motor != 0.0, initial=0.0)))
+        return motor / largest if largest < 1.0 + _ROUNDING else self._nearest(demand)
+
+    def _nearest(self, demand: Array) -> Array:
+        """Return motor torques (n,) within the limits with the least ``|W u - demand|``."""
+        used, size = self._wheels.available, float(np.abs(demand).max())
+        motor = np.zeros(len(self._wheels))
+        motor[used] = np.clip(size * lsq_linear(
+            self._wheels.matrix[:, used], demand / size,
+            (self.low[used] / size, self.high[used] / size), 'bvls').x,
+            self.low[used], self.high[used])
+        return motor
+
+    def _for_purpose(self, motor: Array) -> Array:
+        """Return the motor torques (n,) beside ``motor`` that the null space is for."""
+        purpose = self._wheels.null_space
+        if purpose == 'least_torque' or not self._wheels.null_basis.size:
+            return 0.0 * motor
+        return self._towards(motor, self._apart() if purpose == 'away_from_zero'
+                             else self._balanced(), _NULL_STEPS)
 
     def _least(self, demand: Array) -> Array:
         """Return u with ``W u = demand`` and the least s of ``s low <= u <= s high``."""
@@ -155,25 +197,22 @@ class WheelAllocation:
         largest = np.max(begin + np.multiply.outer(y, slope), axis=1)
         return motor + float(y[np.argmin(largest)]) * line
 
-    def _null_motion(self, motor: Array, purpose: str, steps: float) -> Array:
-        """Return motor torques (n,) that turn nothing and lead momenta to where they belong.
+    def _towards(self, motor: Array, wanted: Array, steps: float) -> Array:
+        """Return motor torques (n,) that turn nothing and lead momenta there in so many steps."""
+        return self._null_motion(motor, (wanted - self._momentum) / (steps * self._h))
 
-        In so many steps, as far as the limits leave room beside ``motor``.
-        """
-        wheels = self._wheels
-        basis = wheels.null_basis
-        if not basis.shape[1]:
-            return 0.0 * motor
-        wanted = (self._apart(basis) if purpose == 'away_from_zero'
-                  else self._balanced())
-        change = basis @ (basis.T @ (wanted - self._momentum)) / (steps * self._h)
-        with np.errstate(divide='ignore', invalid='ignore'):
+    def _null_motion(self, motor: Array, wanted: Array) -> Array:
+        """Return what of motor torques (n,) turns nothing, within the limits beside ``motor``."""
+        basis = self._wheels.null_basis
+        change = basis @ (basis.T @ wanted)
+        with np.errstate(divide='ignore', invalid='ignore', over='ignore'):
             room = np.where(change > 0.0, self.high - motor, self.low - motor) / change
         return change * float(np.clip(np.min(room, where=change != 0.0, initial=1.0), 0.0, 1.0))
 
-    def _apart(self, basis: Array) -> Array:
+    def _apart(self) -> Array:
         """Return momenta (n,) that turn nothing, all of them far from zero, on the side of now."""
         used, room = self._wheels.available, self._wheels.max_momentum_n_m_s
+        basis = self._wheels.null_basis
         ratios = [basis @ np.array(signs) / room for signs in itertools.product(
             (1.0, -1.0), repeat=basis.shape[1])]
         apart = max(ratios, key=lambda each: float(np.abs(each[used]).min()))

@@ -27,7 +27,7 @@ from manifold_mpc_ros.mpc.reference import (
     numbers_of_reference,
 )
 from manifold_mpc_ros.mpc.scaling import scaling_of
-from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus, failed, with_wheels
+from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus, failed
 from manifold_mpc_ros.mpc.stages.inequalities import structure_of
 from manifold_mpc_ros.mpc.stored_design import stored_design
 from manifold_mpc_ros.mpc.wheel_keeper import WheelKeeper
@@ -106,6 +106,7 @@ class AttitudeMpc:
     def reset(self) -> None:
         """Forget the warm start; the next solve searches globally."""
         self.solver.reset()
+        self._wheels.reset()
 
     def solve(self, R_NB: ArrayLike, omega_BN_B: ArrayLike, R_ND: ArrayLike | None = None, *,
               disturbance_B_n_m: ArrayLike | None = None, max_solve_time_s: float | None = None,
@@ -155,8 +156,8 @@ class AttitudeMpc:
         answer = self._answer(*state, wheel_momentum_n_m_s, begin, deadline_s)
         if reference is not None:
             self.solver.foresee(reference.R_ND[1])
-        return answer if wheel_momentum_n_m_s is None else with_wheels(
-            answer, self.config, self._wheels.working, self._wheels.momentum_n_m_s)
+        return answer if wheel_momentum_n_m_s is None else answer._replace(
+            wheel_torque_n_m=self._wheels.motor_torques(answer))
 
     def solve_local(self, R_NB: ArrayLike, omega_BN_B: ArrayLike) -> AttitudeMpcSolution:
         """Map a measured state to the plan of one cold start, the short way; for measuring."""

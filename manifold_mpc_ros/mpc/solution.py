@@ -10,10 +10,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.config.wheels import WheelArray
-from manifold_mpc_ros.dynamics.wheel_allocation import WheelAllocation
-from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie.arrays import Array
 
 
@@ -78,19 +74,3 @@ def failed(R_NB: ArrayLike, omega_BN_B: ArrayLike, horizon: int, elapsed_s: floa
         np.tile(np.asarray(omega_BN_B, dtype=float), (horizon + 1, 1)), float('nan'), 0, elapsed_s,
         SolveStatus.FAILED, float('inf'), float('inf'), False, float('nan'), float('nan'),
         limits_used=limits_used)
-
-
-def with_wheels(solution: AttitudeMpcSolution, config: AttitudeMpcConfig,
-                wheels: WheelArray | None, momentum_n_m_s: Array) -> AttitudeMpcSolution:
-    """Return a solution with the motor torques of its first step.
-
-    As much of the torque as wheels of momenta (n,) [N m s] can give in this state, in its
-    direction.
-
-    Raises ConfigurationError without wheels.
-    """
-    if wheels is None:
-        raise ConfigurationError('wheel_momentum_n_m_s', momentum_n_m_s, 'None without wheels')
-    allocation = WheelAllocation(wheels, config.inertia_kg_m2, config.step_s,
-                                 solution.omega_BN_B[0], momentum_n_m_s, solution.torque_B_n_m)
-    return solution._replace(wheel_torque_n_m=allocation.motor_torques(allocation.part()))

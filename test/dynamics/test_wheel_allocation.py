@@ -44,6 +44,16 @@ def least_use(allocation: WheelAllocation, array: WheelArray, part: float) -> fl
     return float(found.fun)
 
 
+def assert_nearest(allocation: WheelAllocation, array: WheelArray, motor: np.ndarray) -> None:
+    """Assert that no change of motor torques within the limits brings ``W u`` nearer."""
+    slope = array.matrix.T @ (array.matrix @ motor - allocation.demand())
+    rising = np.where(motor < allocation.high * (1 - 1e-9), slope, 0.0)
+    falling = np.where(motor > allocation.low * (1 - 1e-9), slope, 0.0)
+    assert (motor <= allocation.high).all()
+    assert (motor >= allocation.low).all()
+    assert min(rising.min(), -falling.max()) > -1e-9 * np.abs(allocation.demand()).max()
+
+
 @pytest.mark.parametrize('n', [3, 4, 5, 6])
 def test_exact_least_and_within_limits_against_linear_programs(n: int) -> None:
     rng = np.random.default_rng(n)
@@ -51,21 +61,25 @@ def test_exact_least_and_within_limits_against_linear_programs(n: int) -> None:
     for _ in range(40):
         allocation = drawn(n, rng)
         array, part = allocation._wheels, allocation.part()
-        assert part == pytest.approx(largest_part(allocation, array), abs=1e-6)
-        scaled += part < 1.0
+        largest = largest_part(allocation, array)
         motor = allocation.motor_torques(part)
+        if largest == 0.0:  # whatever its size: the nearest is given
+            scaled += part == 1.0
+            assert_nearest(allocation, array, motor)
+            continue
+        assert part == pytest.approx(largest, abs=1e-6)
+        scaled += part < 1.0
         assert (motor <= allocation.high * (1 + 1e-9)).all()
         assert (motor >= allocation.low * (1 + 1e-9)).all()
-        if part > 0.0:
-            np.testing.assert_allclose(
-                allocation.realised(motor), part * allocation._torque, atol=1e-14)
-            use = np.max(np.maximum(motor / allocation.high, motor / allocation.low))
-            least = least_use(allocation, array, part)
-            if np.abs(allocation._momentum).max() <= CROWDED * 1e-2:
-                assert use == pytest.approx(least, rel=1e-5, abs=1e-8)
-                compared += 1
-            else:  # momentum that is near its limit is relieved beside the torque
-                assert least * (1 - 1e-5) <= use <= 1 + 1e-9
+        np.testing.assert_allclose(
+            allocation.realised(motor), part * allocation._torque, atol=1e-14)
+        use = np.max(np.maximum(motor / allocation.high, motor / allocation.low))
+        least = least_use(allocation, array, part)
+        if np.abs(allocation._momentum).max() <= CROWDED * 1e-2:
+            assert use == pytest.approx(least, rel=1e-5, abs=1e-8)
+            compared += 1
+        else:  # momentum that is near its limit is relieved beside the torque
+            assert least * (1 - 1e-5) <= use <= 1 + 1e-9
     assert 0 < scaled < 40
     assert 5 < compared < 40
 
@@ -77,11 +91,11 @@ def test_the_null_space_turns_nothing_and_breaks_no_limit(n: int, null_space: st
     moved = 0.0
     for _ in range(20):
         allocation = drawn(n, rng, null_space)
-        part = allocation.part()
+        array, part = allocation._wheels, allocation.part()
         motor = allocation.motor_torques(part)
         assert (motor <= allocation.high * (1 + 1e-9)).all()
         assert (motor >= allocation.low * (1 + 1e-9)).all()
-        if part > 0.0:
+        if largest_part(allocation, array) > 0.0:
             np.testing.assert_allclose(
                 allocation.realised(motor), part * allocation._torque, atol=1e-14)
             moved += np.abs(motor - allocation._least(allocation.demand(part))).max()

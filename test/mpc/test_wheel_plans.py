@@ -153,6 +153,41 @@ def test_half_turns_with_momentum_stored_settle_within_every_limit(
     assert np.abs(omega).max() < 1e-6
 
 
+def shortest(mpc: AttitudeMpc, R: np.ndarray, momentum: np.ndarray, whole: bool
+             ) -> tuple[float, int]:
+    """Return what torque lacks at the most in a slew, in parts of the reach, and held plans."""
+    omega, lacking, held = np.zeros(3), 0.0, 0
+    mpc.reset()
+    for _ in range(35):
+        plan = mpc.solve(R, omega, wheel_momentum_n_m_s=momentum)
+        motor = plan.wheel_torque_n_m
+        assert motor is not None
+        mpc._wheels._held &= not whole
+        held += mpc._wheels._held
+        given = WheelAllocation(ARRAY, INERTIA, 1.0, omega, momentum, plan.torque_B_n_m)
+        lacking = max(lacking, float(np.abs(
+            (given.realised(motor) - plan.torque_B_n_m) / REACH).max()))
+        for _ in range(4):
+            R, omega = wheel_step(R, omega, ARRAY.axes_B.T @ momentum, ARRAY.axes_B.T @ motor,
+                                  np.zeros(3), inertia_kg_m2=INERTIA, step_s=0.25)
+            momentum = momentum + 0.25 * motor
+    return lacking, held
+
+
+def test_wheels_with_much_momentum_can_do_all_of_a_plan(with_wheels: AttitudeMpc) -> None:
+    """In plans with all of both polytopes one wheel is full while the others have room."""
+    draws = np.random.default_rng(8).normal(size=(13, 2, 3))
+    for axis, direction in draws[[4, 12]] / np.linalg.norm(draws, axis=2)[[4, 12], :, None]:
+        momentum = 0.78 * ARRAY.momenta.bounds.min() * ARRAY.inverse @ direction
+        R = so3.exp(np.pi * axis)
+        assert shortest(with_wheels, R, momentum, True)[0] > 0.1
+        lacking, held = shortest(with_wheels, R, momentum, False)
+        assert lacking < 3e-3
+        assert held > 5
+    with_wheels.solve(np.eye(3), np.zeros(3), wheel_momentum_n_m_s=momentum)
+    assert not with_wheels._wheels._held  # where little torque is needed
+
+
 def test_the_terminal_set_keeps_the_polytope_and_stored_momentum_costs_some_of_it() -> None:
     mpc = make(wheels(max_torque_n_m=1e-3), REACH, max_rate_rad_s=np.radians(20.0), step_s=0.5)
     design = mpc.terminal

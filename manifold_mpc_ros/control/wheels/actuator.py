@@ -53,6 +53,7 @@ class WheelActuator:
         self._asked: Array | None = None
         self.refusal = self.found = ''
         self.watches = True
+        self.planned: Array | None = None
         self.usage: Mapping[str, float] = {}
 
     @classmethod
@@ -126,7 +127,7 @@ class WheelActuator:
         if self.refusal:
             return self._braked()
         allocation = self._allocation(torque_B_n_m)
-        motor = self._asked = allocation.motor_torques()
+        motor = self._asked = allocation.motor_torques(planned_n_m=self.planned)
         return Actuation(torque_B_n_m, motor, allocation.realised(motor))
 
     def rest(self) -> Actuation:

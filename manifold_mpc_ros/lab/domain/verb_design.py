@@ -177,7 +177,8 @@ def momentum_shares(config: AttitudeMpcConfig, design: TerminalDesign) -> dict[f
     keeper, momenta, rest = WheelKeeper(config, design, None), config.wheels.momenta, np.zeros(3)
     nearest = int(np.argmin(momenta.bounds))
     total = momenta.bounds[nearest] * momenta.normals[nearest]
-    return {part: keeper.share(Wheels(config.wheels, part * total, rest, rest, rest))
+    torques = config.wheels.torques
+    return {part: keeper.share(Wheels(torques, momenta, part * total, rest, rest, rest))
             for part in (0.0, 0.4, 0.8)}
 
 

@@ -25,7 +25,7 @@ import casadi as ca
 import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.config.wheels import WheelArray, Zonotope
+from manifold_mpc_ros.config.wheels import Zonotope
 from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.lie.symbolic import hat, rotation_from_quaternion
 from manifold_mpc_ros.mpc.program import fields as f
@@ -58,12 +58,13 @@ _LARGEST_OFFSET = 0.8
 class Wheels(NamedTuple):
     """Wheels as they are now, (3,) each in SI units.
 
-    ``total_D`` is the momentum of body and wheels in the target's axes, ``dead_B`` what those
-    store that do not work, ``external_B`` the torque from outside, ``taken_B`` that and the
-    gyroscopic one.
+    ``torques`` and ``momenta`` are the sets that plans keep to, ``total_D`` the momentum of body
+    and wheels in the target's axes, ``dead_B`` what those store that do not work, ``external_B``
+    the torque from outside, ``taken_B`` that and the gyroscopic one.
     """
 
-    working: WheelArray
+    torques: Zonotope
+    momenta: Zonotope
     total_D: Array
     dead_B: Array
     external_B: Array
@@ -117,11 +118,13 @@ class StoredMomentum(NodeInequality):
         """Return the numbers of the configuration's wheels, at rest and undisturbed."""
         assert config.wheels is not None
         rest = np.zeros(3)
-        return self.numbers_of(Wheels(config.wheels, rest, rest, rest, rest), unit)
+        array = config.wheels
+        return self.numbers_of(Wheels(
+            array.torques, array.momenta, rest, rest, rest, rest), unit)
 
     def numbers_of(self, now: Wheels, unit: Scaling) -> Array:
         """Return the dimensionless numbers of an array with as many facets, or fewer."""
-        return self._flat(now.working.momenta, now.dead_B, unit.torque_n_m * unit.time_s)
+        return self._flat(now.momenta, now.dead_B, unit.torque_n_m * unit.time_s)
 
     def _flat(self, zonotope: Zonotope, offset: Array, unit: float) -> Array:
         """Return A, column by column, and the offset."""
@@ -197,10 +200,9 @@ class MotorTorque(StoredMomentum):
 
     def numbers_of(self, now: Wheels, unit: Scaling) -> Array:
         """Return the numbers; the box has room for the torque that is taken now."""
-        torques = now.working.torques
-        part = min(_LARGEST_OFFSET, torques.gauge(now.taken_B))
-        return np.append(self._flat(torques, -now.external_B, unit.torque_n_m),
-                         (1.0 - part) * torques.box / unit.torque_n_m)
+        part = min(_LARGEST_OFFSET, now.torques.gauge(now.taken_B))
+        return np.append(self._flat(now.torques, -now.external_B, unit.torque_n_m),
+                         (1.0 - part) * now.torques.box / unit.torque_n_m)
 
     def box(self, read: Read) -> ca.SX:
         """Return the half widths (3,)."""
