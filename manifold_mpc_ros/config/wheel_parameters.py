@@ -86,6 +86,7 @@ MOTOR_PARAMETERS: tuple[ParameterSpec, ...] = (
     _motor('coulomb_friction_n_m', 0.0, 'friction torque at any speed but near zero', 'N m'),
     _motor('static_friction_n_m', 0.0, 'friction torque near zero speed (Stribeck)', 'N m'),
     _motor('stribeck_speed_rad_s', 1.0, 'speed to which that reaches', 'rad/s'),
+    _motor('speed_noise_std_rad_s', 0.0, 'standard deviation of the reported speed', 'rad/s'),
     _motor('dead_from_s', math.inf, 'time from which the motor gives no torque', 's',
            infinite=True),
     _motor('stuck_from_s', math.inf, 'time from which the wheel does not turn in the body', 's',
@@ -107,6 +108,7 @@ class WheelMotors:
     coulomb_friction_n_m: Array = 0.0  # type: ignore[assignment]
     static_friction_n_m: Array = 0.0  # type: ignore[assignment]
     stribeck_speed_rad_s: Array = 1.0  # type: ignore[assignment]
+    speed_noise_std_rad_s: Array = 0.0  # type: ignore[assignment]
     dead_from_s: Array = math.inf  # type: ignore[assignment]
     stuck_from_s: Array = math.inf  # type: ignore[assignment]
 

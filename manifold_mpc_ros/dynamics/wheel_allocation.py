@@ -111,9 +111,9 @@ class WheelAllocation:
         """Return motor torques (n,) within their limits for this part of the torque [N m].
 
         ``W u`` is the demand to rounding where it is among what the wheels can give, else the
-        nearest that they can. The null space is that of ``planned_n_m`` (n,), as far as the limits leave room;
-        without it the largest part of its limit that a motor uses is the least possible, but for
-        what the null space is used for, and for wheels that are nearly full.
+        nearest that they can. The null space is that of ``planned_n_m`` (n,), as far as the limits
+        leave room; without it the largest part of its limit that a motor uses is the least
+        possible, but for what the null space is used for, and for wheels that are nearly full.
         """
         motor = self._most(part)
         if planned_n_m is not None:

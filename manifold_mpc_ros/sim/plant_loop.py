@@ -111,10 +111,9 @@ class PlantLoop:
         R_NB, omega_BN_B = self._plant.measure()
         return StateSample(self.stamp_ns, R_NB, omega_BN_B)
 
-    @property
-    def wheel_speed_rad_s(self) -> Array | None:
-        """Speeds of the wheels about their axes, in the body (n,) [rad/s], None without wheels."""
-        return self._plant.speed_rad_s if isinstance(self._plant, WheelPlant) else None
+    def measure_wheels(self) -> Array | None:
+        """Return what wheels report, speeds in the body (n,) [rad/s], None without wheels."""
+        return self._plant.measure_speed() if isinstance(self._plant, WheelPlant) else None
 
     @property
     def field_B_t(self) -> Array:

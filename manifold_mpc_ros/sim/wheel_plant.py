@@ -32,6 +32,9 @@ class WheelPlant(Plant):
     def reset(self) -> None:
         """Return to the initial state at time zero."""
         super().reset()
+        # The third stream of the seed; those of attitude and rate are the first two.
+        self._speed_noise = np.random.default_rng(
+            np.random.SeedSequence(self.config.seed).spawn(3)[2])
         self.momentum_n_m_s = self.motors.inertia_kg_m2 * (
             self.motors.initial_speed_rad_s + self._omega_BN_B @ self._axes_B)
 
@@ -40,6 +43,12 @@ class WheelPlant(Plant):
         """Speeds of the wheels about their axes, in the body (n,) [rad/s]."""
         return np.asarray(
             self.momentum_n_m_s / self.motors.inertia_kg_m2 - self._omega_BN_B @ self._axes_B)
+
+    def measure_speed(self) -> Array:
+        """Return what the wheels report (n,) [rad/s]: each call draws its own noise."""
+        std = self.motors.speed_noise_std_rad_s
+        return self.speed_rad_s + self._speed_noise.normal(size=self.inputs) * std if (
+            std.any()) else self.speed_rad_s
 
     def _limited(self, command: Array) -> Array:
         """Return motor torques within the motors' limits, others counted."""

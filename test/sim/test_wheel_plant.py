@@ -110,3 +110,13 @@ def test_failures_begin_when_they_should() -> None:
 def test_what_is_no_motor_is_named(changes: dict[str, Any], key: str) -> None:
     with pytest.raises(ConfigurationError, match=f'^{key}: '):
         WheelMotors(**{'wheels': wheels(), **changes})
+
+
+def test_reported_speeds_have_noise_of_their_own() -> None:
+    quiet, noisy = plant(), plant(speed_noise_std_rad_s=[0.0, 0.1, 0.2, 0.4])
+    assert quiet.measure_speed().tolist() == quiet.speed_rad_s.tolist()
+    errors = np.array([noisy.measure_speed() - noisy.speed_rad_s for _ in range(4000)])
+    np.testing.assert_allclose(errors.std(axis=0), [0.0, 0.1, 0.2, 0.4], rtol=0.05)
+    assert np.abs(errors.mean(axis=0)).max() < 0.02
+    noisy.reset()
+    assert (noisy.measure_speed() - noisy.speed_rad_s).tolist() == errors[0].tolist()

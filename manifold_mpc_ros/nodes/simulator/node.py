@@ -282,6 +282,6 @@ class LgviSimulatorNode(ManagedNode):
 
     def _send(self, sample: StateSample) -> None:
         """Publish a measurement in each form that somebody reads."""
-        self._devices.publish(sample.stamp_ns, self._loop.wheel_speed_rad_s,
+        self._devices.publish(sample.stamp_ns, self._loop.measure_wheels(),
                               self._loop.field_B_t)
         self._states.send(sample)
