@@ -96,13 +96,15 @@ def _plain(value: object) -> str:
 
 
 def cost(data: dict[str, Any]) -> str:
-    """Return the instructions of a warm solve."""
-    ratios = data['moving_over_fixed']
-    rows = [[name, *(f'{data[key][what]:,}' for what in (
-        'instructions_per_solve', 'instructions_per_pass'))] for name, key in (
-            ('fixed', 'fixed'), ('moving', 'moving'))]
-    return table(['target', 'instructions, warm solve', 'instructions, pass'], [
-        *rows, ['moving over fixed', f'{ratios["solve"]:.2f}', f'{ratios["pass"]:.2f}']])
+    """Return what a warm solve costs, and the call that it is part of."""
+    columns = {'solve': 'instructions_per_solve', 'pass': 'instructions_per_pass',
+               'solver_us': 'solver_us', 'call_us': 'call_us'}
+    rows = [[kind, *(f'{data[kind][key]:,}' for key in columns.values())]
+            for kind in ('fixed', 'moving')]
+    return table(['target', 'instructions, warm solve', 'instructions, pass',
+                  'solver [us]', 'whole call of `AttitudeMpc.solve` [us]'], [
+        *rows, ['moving over fixed', *(
+            f'{data["moving_over_fixed"][name]:.2f}' for name in columns)]])
 
 
 def draw(data: dict[str, Any], path: Path) -> Path:

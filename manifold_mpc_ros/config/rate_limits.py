@@ -60,17 +60,17 @@ class RateBox(RateLimit):
         """Keep the half widths (3,)."""
         self.max_rate_rad_s = max_rate_rad_s
         self._limited = np.flatnonzero(np.isfinite(max_rate_rad_s)).tolist()
+        self._limits = [(i, f'rate {"xyz"[i]}', float(max_rate_rad_s[i])) for i in self._limited]
         self.limits_every_axis = len(self._limited) == 3
 
     def values(self, omega_BN_B: Any) -> list[Any]:
         """Return ``+-omega_i / max_rate_i - 1`` of the limited axes."""
-        return [sign * omega_BN_B[i] / float(self.max_rate_rad_s[i]) - 1
-                for i in self._limited for sign in (1, -1)]
+        return [sign * omega_BN_B[i] / limit - 1
+                for i, _, limit in self._limits for sign in (1, -1)]
 
     def ratios(self, omega_BN_B: Any) -> dict[str, Any]:
         """Return ``|omega_i| / max_rate_i`` of the limited axes."""
-        return {f'rate {"xyz"[i]}': abs(omega_BN_B[i]) / float(self.max_rate_rad_s[i])
-                for i in self._limited}
+        return {name: abs(omega_BN_B[i]) / limit for i, name, limit in self._limits}
 
     @property
     def largest_rate_rad_s(self) -> float:

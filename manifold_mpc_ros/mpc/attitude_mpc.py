@@ -21,11 +21,7 @@ from manifold_mpc_ros.mpc.compiled import CompiledMpc
 from manifold_mpc_ros.mpc.cone_keeper import ConeKeeper
 from manifold_mpc_ros.mpc.program.numbers import numbers_of
 from manifold_mpc_ros.mpc.rate_margin import Margins, rate_margins, with_margins
-from manifold_mpc_ros.mpc.reference import (
-    LEAST_SHARE,
-    Reference,
-    numbers_of_reference,
-)
+from manifold_mpc_ros.mpc.reference import LEAST_SHARE, Reference, Shares
 from manifold_mpc_ros.mpc.scaling import scaling_of
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus, failed
 from manifold_mpc_ros.mpc.stages.inequalities import structure_of
@@ -79,9 +75,9 @@ class AttitudeMpc:
         self.terminal: TerminalDesign = terminal or stored_design(config, cache_dir)
         self._unit = scaling_of(config)
         self._tracked = self._acting = False
-        self._disturbance, self._reference = np.zeros(3), numbers_of_reference(
-            Reference.fixed(_IDENTITY, config.horizon), config, self._margins)
-        self._R_ND = _IDENTITY
+        self._disturbance, self._acting_share = np.zeros(3), [0.0] * 3
+        self._still = self._reference = Reference.fixed(_IDENTITY, config.horizon)
+        self._shares, self._R_ND = Shares(config), _IDENTITY
         self.backend = 'c'
         self._build(backend, cache_dir, disturbed=disturbed, moving=moving)
 
@@ -99,7 +95,7 @@ class AttitudeMpc:
         self._cones.aim(self._R_ND)
         self.solver.disturb(self._disturbance)
         if moving:
-            self.solver.set_reference(self._reference.nodes)
+            self._follow()
         if self._tracked:
             self.solver.set_rate_limits(with_margins(config, self._margins))
 
@@ -199,7 +195,7 @@ class AttitudeMpc:
             raise ConfigurationError('disturbance_B_n_m', d.tolist(),
                                      '3 finite numbers, each below the torque limit')
         changed, self._disturbance = not np.array_equal(d, self._disturbance), d
-        self._acting = bool(d.any())
+        self._acting, self._acting_share = bool(d.any()), (np.abs(d) / bound).tolist()
         if limit is not None and changed:
             if not self._disturbed:
                 self._build_again(disturbed=True, moving=self._moving)
@@ -217,16 +213,23 @@ class AttitudeMpc:
         self._tracked = reference is not None
         if reference is not None and self.config.target == 'pointing' and R_NB.shape == (3, 3):
             reference = reference.rolled(self.config.pointing_axis_B, R_NB)
-        still = Reference.fixed(_IDENTITY, self.config.horizon)
-        self._reference = numbers_of_reference(
-            reference or still, self.config, self._margins)
+        if reference is not None and len(reference.R_ND) != self.config.horizon + 1:
+            raise ConfigurationError(
+                'reference', len(reference.R_ND),
+                f'{self.config.horizon + 1} nodes, one more than the horizon')
+        self._reference = reference or self._still
         if not self._moving:
             self._build_again(disturbed=self._disturbed, moving=True)
         elif begins:
             self.solver.set_rate_limits(with_margins(self.config, self._margins))
-        self.solver.set_reference(self._reference.nodes)
+        self._follow()
         self._cones.leave(self.terminal_share)
         return R_ND if reference is None else reference.R_ND[0]
+
+    def _follow(self) -> None:
+        """Hand the reference to the solver, and take what it uses of the limits."""
+        R_ND, omega = self._reference.R_ND, self._reference.omega_DN_D
+        self._shares.see(omega, self._margins, self.solver.set_reference(R_ND, omega))
 
     @functools.cached_property
     def _moving_margins(self) -> list[Margins]:
@@ -248,8 +251,8 @@ class AttitudeMpc:
     @property
     def limits_used(self) -> float:
         """The largest part of a torque or rate limit that disturbance and reference use."""
-        return max(float((self._reference.torque_share + self._acting_share).max()),
-                   self._reference.rate_share)
+        return max(self._shares.rate, *(
+            each + acting for each, acting in zip(self._shares.torque, self._acting_share)))
 
     @property
     def terminal_share(self) -> float:
@@ -257,15 +260,9 @@ class AttitudeMpc:
 
         A reference that is at rest at the end of the horizon uses nothing of the limits there.
         """
-        used = float(self._acting_share.max()) if self._reference.rests else self.limits_used
+        used = max(self._acting_share) if self._shares.rests else self.limits_used
         left = max(LEAST_SHARE, 1.0 - used)
         return left * left
-
-    @property
-    def _acting_share(self) -> Array:
-        """The parts (3,) of the torque limits that the disturbance uses."""
-        limit = self.config.max_torque_n_m
-        return np.asarray(np.abs(self._disturbance) / (np.inf if limit is None else limit))
 
 
 def _checked(R_NB: ArrayLike, omega_BN_B: ArrayLike, R_ND: ArrayLike | None

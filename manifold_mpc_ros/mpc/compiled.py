@@ -34,7 +34,6 @@ from manifold_mpc_ros.mpc.stages.inequalities import (
     wheel_inequalities,
 )
 from manifold_mpc_ros.mpc.stages.inequality import RateInequality
-from manifold_mpc_ros.mpc.stages.reference import REFERENCE
 from manifold_mpc_ros.mpc.stages.torque_box import ShiftedTorqueBox
 from manifold_mpc_ros.mpc.stages.wheel_limits import TOTAL, Wheels
 
@@ -81,6 +80,10 @@ class CompiledMpc:
             guard_squared=guard_squared(config),
             level=numbers[f.PARAMETER][TERMINAL_LEVEL], allowed=1, inside=1)
         self._address = ctypes.byref(self._controller)
+        self._commanded = np.zeros((self.horizon + 1, 3, 3)), np.zeros((self.horizon + 1, 3))
+        self._used, self._inertia = np.zeros(6), np.array(config.inertia_kg_m2, dtype=float)
+        self._to_track = (*(each.ctypes.data for each in (*self._commanded, self._inertia)),
+                          config.forcing == 'symmetric', self._used.ctypes.data)
         library.prepare(self._address)
         if structure.graded:
             self._set_nodes(f.INNER, np.append(config.steps.periods, 0.0)[:, None])
@@ -141,9 +144,15 @@ class CompiledMpc:
             self._set_nodes(each.direction_N, directions_N[:, each.places(kept)].reshape(
                 self.horizon + 1, -1))
 
-    def set_reference(self, numbers: Array) -> None:
-        """Set the reference that costs are about, at every node (N + 1, 14)."""
-        self._set_nodes(REFERENCE, numbers)
+    def set_reference(self, R_ND: Array, omega_DN_D: Array) -> tuple[list[float], list[float]]:
+        """Set what costs are about: attitudes (N + 1, 3, 3) and rates (N + 1, 3) [rad/s].
+
+        Return the largest |torque| [N m] and |rate| [rad/s] about each axis.
+        """
+        self._commanded[0][...], self._commanded[1][...] = R_ND, omega_DN_D
+        self._library.track(self._address, *self._to_track)
+        used = self._used.tolist()
+        return used[:3], used[3:]
 
     def set_rate_limits(self, config: AttitudeMpcConfig) -> None:
         """Set the rate limits to those of a configuration."""
@@ -229,9 +238,9 @@ class CompiledMpc:
         return Progress(s.cost, max(s.stationarity, s.products), s.flag, s.passes)
 
     def field(self, field: Field) -> Array:
-        """Return a field (N + 1, size) of the trajectory under way."""
-        memory = next(each for each in self._plans
-                      if each.ctypes.data == self._controller.solve.plan)
+        """Return a field (N + 1, size) of the trajectory under way, or of its model."""
+        memory = self._model if field.memory is Memory.MODEL else next(
+            each for each in self._plans if each.ctypes.data == self._controller.solve.plan)
         return self._nodes(memory, field).reshape(-1, field.size)[:self.horizon + 1]
 
     def report(self) -> Report:

@@ -62,6 +62,7 @@ class Library:
     begin_slew: Callable[..., None]
     begin_way: Callable[..., None]
     iterate: Callable[..., None]
+    track: Callable[..., None]
     report: Callable[..., None]
     model: Callable[..., None]
     try_step: Callable[..., None]
@@ -75,6 +76,7 @@ class Library:
             'slew_steps': (_DOUBLE,), 'use_set': (None, _INTEGER),
             'begin_start': (None, _POINTER, _DOUBLE), 'begin_slew': (None, _DOUBLE),
             'begin_way': (None, _POINTER), 'iterate': (None, _INTEGER, _DOUBLE),
+            'track': (None, _POINTER, _POINTER, _POINTER, _INTEGER, _POINTER),
             'report': (None,), 'model': (None, _DOUBLE), 'try_step': (None, _DOUBLE),
             'advance': (None,), 'follow': (_INTEGER, _POINTER, _INTEGER)}
         try:

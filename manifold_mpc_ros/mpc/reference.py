@@ -1,21 +1,21 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A reference that moves over the horizon, and what the solver needs of it."""
+"""A reference that moves over the horizon, and what it uses of the limits."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.config.rate_limits import RateBox, RateLimit
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.program.options import ROTATION_DEFECT
 from manifold_mpc_ros.mpc.rate_margin import Margins, relative
-from manifold_mpc_ros.mpc.scaling import scaling_of
 
 #: Of the limits, a reference leaves this part at least to the solver: less is not followed.
 LEAST_SHARE = 1e-2
@@ -68,18 +68,29 @@ class Reference:
         return Reference(self.R_ND @ roll, self.omega_DN_D @ roll)
 
 
-class ReferenceNumbers(NamedTuple):
-    """``nodes`` (N+1, 14): quaternions of E_k = R_D0Dk and F_k, rate and torque, dimensionless.
+class Shares:
+    """What a reference uses of the limits of a configuration, the largest over the horizon.
 
-    ``torque_share`` (3,) is what the reference's torque uses of the torque limits, ``rate_share``
-    what its rate uses of the rate limits, both the largest over the horizon; ``rests``: its rate
-    at the end is zero, so a law about its end has all the limits.
+    ``torque``: parts of the torque limits (3,); ``rate``: the largest part of a rate limit, with
+    its margin; ``rests``: its rate at the end is zero, so a law about its end has all the limits.
     """
 
-    nodes: Array
-    torque_share: Array
-    rate_share: float
-    rests: bool
+    def __init__(self, config: AttitudeMpcConfig) -> None:
+        """Begin with one that is fixed."""
+        limit = config.max_torque_n_m
+        self._torque = [math.inf] * 3 if limit is None else limit.tolist()
+        self._rates = config.rate_limits
+        self.torque, self.rate, self.rests = [0.0] * 3, 0.0, True
+
+    def see(self, omega_DN_D: Array, margins: list[Margins],
+            largest: tuple[list[float], list[float]]) -> None:
+        """Take rates (N+1, 3) [rad/s] and the largest |torque|, |rate| (3,) about each axis."""
+        torque, rate = largest
+        self.torque = [used / limit for used, limit in zip(torque, self._torque)]
+        self.rate = max((
+            rate_share(each, rate if isinstance(each, RateBox) else omega_DN_D, margin)
+            for each, margin in zip(self._rates, margins)), default=0.0)
+        self.rests = not omega_DN_D[-1].any()
 
 
 def reference_torque(reference: Reference, config: AttitudeMpcConfig) -> Array:
@@ -97,34 +108,6 @@ def reference_torque(reference: Reference, config: AttitudeMpcConfig) -> Array:
     return np.asarray(np.linalg.solve(h / 2 * (np.eye(3) + back), change[..., None])[..., 0])
 
 
-def numbers_of_reference(
-    reference: Reference, config: AttitudeMpcConfig, margins: list[Margins],
-) -> ReferenceNumbers:
-    """Map a reference of the horizon's length to the solver's numbers.
-
-    ``margins`` are those that plans keep to rate limits. Raises ConfigurationError for another
-    length.
-    """
-    if len(reference.R_ND) != config.horizon + 1:
-        raise ConfigurationError('reference', len(reference.R_ND),
-                                 f'{config.horizon + 1} nodes, one more than the horizon')
-    unit, omega = scaling_of(config), reference.omega_DN_D
-    quaternions = so3.quaternion_from_rotation(reference.R_ND[0].T @ reference.R_ND)
-    sides = np.where(np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0, -1.0, 1.0)
-    quaternions[1:] *= np.cumprod(sides)[:, None]
-    torque = reference_torque(reference, config)
-    torque = np.vstack([torque, torque[-1:]])
-    limit = np.inf if config.max_torque_n_m is None else config.max_torque_n_m
-    half = 0.5 * config.step_s * omega
-    angle = np.linalg.norm(half, axis=1, keepdims=True)
-    nodes = np.hstack([
-        quaternions, np.cos(angle), np.sinc(angle / np.pi) * half,
-        omega / unit.rate_rad_s, torque / unit.torque_n_m])
-    return ReferenceNumbers(nodes, np.abs(torque).max(axis=0) / limit,
-                            _rate_share(config, omega, margins),
-                            not omega[-1].any())
-
-
 def used_by(
     end: Reference, config: AttitudeMpcConfig, margins: list[Margins], disturbance_B_n_m: Array,
 ) -> tuple[Array, float]:
@@ -132,11 +115,16 @@ def used_by(
     torque = reference_torque(end, config)[0]
     limit = np.inf if config.max_torque_n_m is None else config.max_torque_n_m
     used = (np.abs(torque) + np.abs(disturbance_B_n_m)) / limit
-    return torque, max(float(used.max()), _rate_share(config, end.omega_DN_D, margins))
+    return torque, max([float(used.max()), *(
+        rate_share(each, end.omega_DN_D, margin)
+        for each, margin in zip(config.rate_limits, margins, strict=True))])
 
 
-def _rate_share(config: AttitudeMpcConfig, omega: Array, margins: list[Margins]) -> float:
-    """Return the largest part of a rate limit that rates (n, 3) [rad/s] and its margin use."""
-    return max((float(np.max(ratio)) + margin.get(name, 0.0)
-                for limit, margin in zip(config.rate_limits, margins, strict=True)
-                for name, ratio in relative(limit, omega).items()), default=0.0)
+def rate_share(limit: RateLimit, omega: Array | list[float], margin: Margins) -> float:
+    """Return the largest part of a limit that rates (n, 3) [rad/s] and its margin use.
+
+    ``omega`` may be a list, the largest |omega| about each axis (3,): all that a box asks for.
+    """
+    ratios = limit.ratios(omega) if isinstance(omega, list) else {
+        name: float(np.max(ratio)) for name, ratio in relative(limit, omega).items()}
+    return max((ratio + margin.get(name, 0.0) for name, ratio in ratios.items()), default=0.0)

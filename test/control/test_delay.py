@@ -72,17 +72,16 @@ def late(mpc: AttitudeMpc, declared_s: float, delay_s: float, age_steps: int = 0
 
 
 @pytest.mark.parametrize('age_steps', [0, 7])
-@pytest.mark.parametrize('steps', [0.4, 1.3])
+@pytest.mark.parametrize('delay_s', [0.4, 0.65])
 def test_a_declared_delay_costs_little_time_and_no_rate(
-    mpc: AttitudeMpc, steps: float, age_steps: int,
+    mpc: AttitudeMpc, delay_s: float, age_steps: int,
 ) -> None:
-    delay_s = steps * mpc.config.step_s
     prompt, delayed = late(mpc, 0.0, 0.0), late(mpc, delay_s, delay_s, age_steps)
     ignored = late(mpc, 0.0, delay_s, age_steps)
     limit = mpc.config.max_rate_rad_s
     assert limit is not None
     assert delayed.settled_s(np.deg2rad(0.1)) <= 1.1 * prompt.settled_s(np.deg2rad(0.1))
-    assert (np.abs(delayed.rate_rad_s) <= limit * (1.0 + 1e-3)).all()
+    assert (np.abs(delayed.rate_rad_s) <= limit).all()
     assert not (np.abs(ignored.rate_rad_s) <= limit * 1.1).all()
 
 

@@ -19,7 +19,9 @@ from manifold_mpc_ros.lab.closed_loop import ModelPlant
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.reference import Reference, reference_torque
+from manifold_mpc_ros.mpc.scaling import scaling_of
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
+from manifold_mpc_ros.mpc.stages.reference import REFERENCE
 from manifold_mpc_ros.sim.plant import Plant
 
 H, N = 0.1, 30
@@ -164,6 +166,25 @@ def test_the_torque_of_a_reference_is_the_lgvis(forcing: str) -> None:
                              step_s=config.step_s, forcing=config.forcing)  # type: ignore[arg-type]
     reference = Reference(*map(np.array, zip(*steps)))
     np.testing.assert_allclose(reference_torque(reference, config), torques, atol=1e-12)
+
+
+def test_the_solver_gets_attitudes_free_steps_rates_and_torques(mpc: AttitudeMpc) -> None:
+    """As NumPy has them, more than a half turn away too."""
+    rng, unit = np.random.default_rng(6), scaling_of(CONFIG)
+    R_ND = np.array(list(itertools.accumulate(so3.exp(rng.normal(size=(N + 1, 3))), np.matmul)))
+    omega = rng.normal(size=(N + 1, 3))
+    omega[3] = 0.0
+    torque = reference_torque(Reference(R_ND, omega), CONFIG)
+    free = so3.quaternion_from_rotation(so3.exp(H * omega))
+    largest = mpc.solver.set_reference(R_ND, omega)
+    np.testing.assert_allclose(largest, [np.abs(torque).max(axis=0), np.abs(omega).max(axis=0)])
+    got = mpc.solver.field(REFERENCE)
+    assert (np.sum(got[1:, :4] * got[:-1, :4], axis=1) >= 0.0).all()
+    np.testing.assert_allclose(so3.rotation_from_quaternion(got[:, :4]), R_ND[0].T @ R_ND,
+                               atol=1e-12)
+    np.testing.assert_allclose(got[:, 4:], np.hstack([
+        free, omega / unit.rate_rad_s, np.vstack([torque, torque[-1]]) / unit.torque_n_m]),
+        rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize(('R_ND', 'omega'), [

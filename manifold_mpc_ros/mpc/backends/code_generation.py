@@ -27,6 +27,7 @@ from manifold_mpc_ros.mpc.stages.inequalities import (
     node_inequalities,
     terminal_level,
 )
+from manifold_mpc_ros.mpc.stages.reference import REFERENCE
 
 _BINARY = {
     ca.OP_ADD: '{} + {}', ca.OP_SUB: '{} - {}', ca.OP_MUL: '{} * {}', ca.OP_DIV: '{} / {}',
@@ -146,7 +147,8 @@ def defines(structure: Structure) -> str:
     """Return the layout, the options and what the structure is, as preprocessor lines."""
     layout = layout_of(structure)
     named = [*layout.fields(Memory.GLOBAL), fields.LEAN, fields.INNER, fields.LATER, fields.POSE,
-             fields.TORQUE, *((AIM,) if cone_inequalities(structure) else ())]
+             fields.TORQUE, *((AIM,) if cone_inequalities(structure) else ()),
+             *((REFERENCE,) if structure.moving else ())]
     values: dict[str, float] = {
         **{field.name.upper(): layout.first_row(field) for field in named},
         **{f'{memory.name}_ROWS': layout.rows(memory) for memory in Memory},
@@ -192,7 +194,8 @@ def source(name: str) -> str:
 def controller_code(structure: Structure) -> str:
     """Return what is written by hand around the phases."""
     ways = ('ways.c',) if cone_inequalities(structure) else ()
-    return '\n'.join(source(name) for name in ('driver.c', *ways, 'search.c'))
+    moving = ('track.c',) if structure.moving else ()
+    return '\n'.join(source(name) for name in ('driver.c', *ways, 'search.c', *moving))
 
 
 def program_code(structure: Structure) -> str:

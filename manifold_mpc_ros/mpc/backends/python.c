@@ -63,6 +63,22 @@ void mpc_iterate(controller *c, long most, double deadline_s)
     iterate(&c->s, most, deadline_s);
 }
 
+/* Follow a reference, as in track.c; nothing where targets are fixed. */
+void mpc_track(controller *c, const double *R, const double *omega, const double *J,
+               long symmetric, double *used)
+{
+#ifdef REFERENCE
+    track(c, R, omega, J, (int)symmetric, used);
+#else
+    (void)c;
+    (void)R;
+    (void)omega;
+    (void)J;
+    (void)symmetric;
+    (void)used;
+#endif
+}
+
 /* Report on the trajectory under way, poses included. */
 void mpc_report(controller *c)
 {
