@@ -18,7 +18,7 @@ one of cost zero is found once, no tightened cone is violated at a step from the
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -65,15 +65,21 @@ class ConeGuard:
         self._rest = _Stops(np.zeros((1, 3)), np.zeros(1))
 
     def allows(self, R_NB: Array, omega_BN_B: Array, torque_B_n_m: Array,
-               directions_N: Mapping[str, Array], *, relaxed: bool) -> bool:
+               directions_N: Mapping[str, Array], *, relaxed_R_NB: Array | None = None) -> bool:
         """Return whether to stop after a step of a torque costs nothing, or no more than at once.
 
-        ``relaxed``: by the cones as they are given, for a plan that could not keep the tightened
-        ones; held off by a cone, or leaving one, it is between the two.
+        ``relaxed_R_NB`` (N + 1, 3, 3), nodes of a plan that could not keep every limit: the cones
+        as they are given count, as it is held off by tightened ones, or leaves them. While
+        directions move, nodes that keep those are enough: the body need not rest where a cone
+        will come.
         """
+        relaxed, moving = relaxed_R_NB is not None, any(s.ndim == 2 for s in directions_N.values())
+        cones = self._config.cones if relaxed else self._kept(directions_N)
+        if relaxed and moving and _least_rad(cones, relaxed_R_NB, directions_N).min() >= 0.0:
+            return True
         torque, brake = self._costs(
             R_NB, omega_BN_B, _Stops(np.array([torque_B_n_m, np.zeros(3)]), np.array([1.0, 0.0])),
-            directions_N, self._config.cones if relaxed else self._kept(directions_N))
+            directions_N, cones)
         return bool(torque <= max(EQUAL_RAD, brake))
 
     def keep(self, R_NB: Array, omega_BN_B: Array, torque_B_n_m: Array,
@@ -113,10 +119,8 @@ class ConeGuard:
                 return cost + (LONGEST_STOP - step) * inside
             R, omega = lgvi_step(R, omega, self._torques(omega, stops, step),
                                  inertia_kg_m2=self._config.inertia_kg_m2, step_s=step_s)
-            margins = np.array([cone.margins_rad(R, _at(directions_N.get(cone.name), step + 1))
-                                for cone in cones])
-            least = np.min(list(joined(cones, margins).values()), axis=0)
-            inside = np.maximum(0.0, -least)
+            inside = np.maximum(0.0, -_least_rad(cones, R, {
+                name: _at(each, step + 1) for name, each in directions_N.items()}))
             cost += inside
         return cost
 
@@ -137,8 +141,13 @@ class ConeGuard:
         return torques
 
 
-def _at(direction_N: Array | None, node: int) -> Array | None:
+def _least_rad(cones: Sequence[Cone], R_NB: Any, directions_N: Mapping[str, Array]) -> Array:
+    """Map attitudes (n, 3, 3), directions (n, 3) or (3,) to the least margins (n,) [rad]."""
+    margins = np.array([cone.margins_rad(R_NB, directions_N.get(cone.name)) for cone in cones])
+    return np.asarray(np.min(list(joined(cones, margins).values()), axis=0))
+
+
+def _at(direction_N: Array, node: int) -> Array:
     """Return the direction (3,) at a node: of (3,) itself, of (N + 1, 3) the last beyond N."""
-    if direction_N is None or direction_N.ndim == 1:
-        return direction_N
-    return np.asarray(direction_N[min(node, len(direction_N) - 1)])
+    return direction_N if direction_N.ndim == 1 else np.asarray(
+        direction_N[min(node, len(direction_N) - 1)])

@@ -243,7 +243,7 @@ class ControlLoop:
         sure = usable and solution is not None and solution.status is not SolveStatus.INFEASIBLE
         if held_B_n_m is None or sure or self._fallback.allows(
                 R_NB, omega_BN_B, held_B_n_m + self.ahead.planned_disturbance_B_n_m,
-                directions_N, relaxed=usable):
+                directions_N, solution.R_NB if usable and solution is not None else None):
             return facts, solution
         self._plan.drop()
         detail = f'{facts.detail}; after its torque the body could not stop clear of the cones'

@@ -76,10 +76,10 @@ class FallbackLaw:
         return not float(np.linalg.norm(momentum)) < self._smallest
 
     def allows(self, R_NB: Array, omega_BN_B: Array, torque_B_n_m: Array,
-               directions_N: Mapping[str, Array], *, relaxed: bool) -> bool:
+               directions_N: Mapping[str, Array], relaxed_R_NB: Array | None) -> bool:
         """Return whether a step of a torque takes no cone from this law: `ConeGuard.allows`."""
         return self._guard is None or self._guard.allows(
-            R_NB, omega_BN_B, torque_B_n_m, directions_N, relaxed=relaxed)
+            R_NB, omega_BN_B, torque_B_n_m, directions_N, relaxed_R_NB=relaxed_R_NB)
 
     def torque(self, R_NB: Array, omega_BN_B: Array, R_ND: Array,
                directions_N: Mapping[str, Array] | None = None) -> Array:

@@ -136,8 +136,8 @@ def test_what_wheels_give_is_what_a_stop_counts_on() -> None:
     R, omega = near_the_sun(0.15, away_deg=30.0)
     boxed, wheeled = (ConeGuard(dataclasses.replace(strong, wheels=each)) for each in (
         None, wheels))
-    assert boxed.allows(R, omega, np.zeros(3), {}, relaxed=False)
-    assert not wheeled.allows(R, omega, np.zeros(3), {}, relaxed=False)
+    assert boxed.allows(R, omega, np.zeros(3), {})
+    assert not wheeled.allows(R, omega, np.zeros(3), {})
     torque = wheeled.keep(R, omega, omega, {})
     assert wheels.torques.gauge(torque) == pytest.approx(1.0)
     assert torque @ omega < 0.0

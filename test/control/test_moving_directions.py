@@ -109,6 +109,10 @@ def test_a_stop_is_judged_by_where_the_cone_will_be() -> None:
     coming = np.stack([np.cos(turns), np.sin(turns), 0.0 * turns], axis=1)
     np.testing.assert_array_equal(guard.keep(R, still, still, {'sun': fixed}), still)
     assert guard.keep(R, still, still, {'sun': coming}).any()
+    # A plan that gives way in time is let through, though to stop now would end in the cone.
+    towards, way = np.array([0.0, 0.0, -1e-3]), so3.exp(turns[:, None] * np.eye(3)[2]) @ R
+    for plan_R_NB, allowed in ((np.tile(R, (21, 1, 1)), False), (way, True)):
+        assert guard.allows(R, still, towards, {'sun': coming}, relaxed_R_NB=plan_R_NB) == allowed
 
 
 def test_a_sun_that_passes_straight_through_the_target_breaks_no_cone() -> None:

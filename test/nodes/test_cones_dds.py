@@ -39,6 +39,7 @@ SIMULATOR = {'lockstep': True, 'autostart': False,
 
 # A start from which the telescope is 10 degrees inside the Sun's cone.
 INSIDE_RAD = math.radians(70.0)
+MOVES_RAD_S = 0.02
 FAILING = '''
 """A controller whose solver fails while a file is there."""
 from pathlib import Path
@@ -100,8 +101,26 @@ def test_a_cone_whose_direction_comes_by_topic_is_gone_round(rig: Rig) -> None:
     assert min(margins) > 0.0
     assert min(margins) < 0.2  # it was in the way
     there = np.degrees(margins[-1])
-    rig.until(lambda: abs(float(values_of(diagnostics, 'attitude_controller')[
-        'cone.sun.margin_deg']) - there) < 1.0, 'the margin there')
+
+    def value(key: str) -> float:
+        return float(values_of(diagnostics, 'attitude_controller').get(key, 'nan'))
+
+    rig.until(lambda: abs(value('cone.sun.margin_deg') - there) < 1.0, 'the margin there')
+    # Now it moves, at right angles to the telescope's axis and by the stamps of the states.
+    told = [len(states)]
+
+    def move() -> None:
+        if len(states) > told[-1]:
+            told.append(len(states))
+            stamp = states[-1].header.stamp
+            angle = MOVES_RAD_S * (stamp.sec + 1e-9 * stamp.nanosec)
+            message = direction_message((0.0, math.cos(angle), math.sin(angle)))
+            message.header.stamp = stamp
+            publisher.publish(message)
+
+    rig.until(lambda: abs(value('cone.sun.direction_rate_deg_s') - math.degrees(MOVES_RAD_S))
+              < 1e-3, 'the rate of the Sun', meanwhile=move)
+    rig.until(lambda: abs(value('cone.sun.margin_deg') - 70.0) < 0.1, 'its margin', meanwhile=move)
 
 
 def test_a_start_inside_leaves_then_a_jump_and_a_setpoint_are_held_off(rig: Rig) -> None:

@@ -39,7 +39,7 @@ def measure(frames: int, core: int, say: Callable[[str], None], *, peers: bool =
              if slew.within is not None and not slew.profile}
     with ProcessPoolExecutor(len(os.sched_getaffinity(0)), context) as pool:
         rows = []
-        for row in pool.map(_flown, every, [frames] * len(every),
+        for row in pool.map(flown, every, [frames] * len(every),
                             [known.get(slew.bound) for slew in every]):
             rows.append(row)
             say(f'{len(rows)} of {len(every)} slews flown')
@@ -50,7 +50,7 @@ def measure(frames: int, core: int, say: Callable[[str], None], *, peers: bool =
     return {'statement': STATEMENT, 'rows': rows, 'timing': timed, 'targets': targets(rows, timed)}
 
 
-def _flown(slew: slews.Slew, frames: int, bound_s: float | None) -> dict[str, Any]:
+def flown(slew: slews.Slew, frames: int, bound_s: float | None) -> dict[str, Any]:
     """Return what became of a slew in so many frames."""
     pilots, seen = fly.fly(slew, fly.frames_of(frames), lambda _: None)
     return {
