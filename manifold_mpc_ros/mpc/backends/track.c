@@ -5,6 +5,9 @@
  * are about. Plain C99.
  */
 
+/* Of a step of a half turn, whose torque is then beyond all limits, and not infinite. */
+#define LEAST_TRACE 1e-12
+
 /* Write A^T B, matrices row by row. */
 static void transposed_times(const double *A, const double *B, double *to)
 {
@@ -55,7 +58,7 @@ static void torque_between(const double *R, const double *omega, const double J[
         change[i] = (after_it[i] - B[3 * i] * before[0] - B[3 * i + 1] * before[1]
                      - B[3 * i + 2] * before[2]) / step_s;
     if (symmetric) {
-        double trace = 1.0 + B[0] + B[4] + B[8];
+        double trace = fmax(1.0 + B[0] + B[4] + B[8], LEAST_TRACE);
         c[0] = (B[7] - B[5]) / trace;
         c[1] = (B[2] - B[6]) / trace;
         c[2] = (B[3] - B[1]) / trace;
