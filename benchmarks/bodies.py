@@ -17,7 +17,9 @@ docs/results/bodies_known.jsonl too; so does ``judge`` (bodies.judged: to be rem
 search has changed). Counted by ``judge`` are plans dearer
 than that by more than 1e-6; costs that rise with the horizon, or by more than 2 % within 0.3
 degrees; states called infeasible from which some start, `domain` or IPOPT finds a plan, and the
-other way round. ``again`` solves those that were counted once more: what became of them since.
+other way round. The smallest horizon of a turn is searched as `design` does it: the controller has
+to find a plan at every instance that is as long, at that horizon itself, and none one step below.
+``again`` solves those that were counted once more: what became of them since.
 Exit status 1 when the promise of docs/solver.md does not hold.
 """
 
@@ -28,132 +30,32 @@ import itertools
 import json
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-
-from manifold_mpc_ros.lie.arrays import Array
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / 'test'))
 
 from best_known import Known, ManyStarts, of_ipopt
+from instances import controllers
 from strategies import generator
 
-from manifold_mpc_ros import AttitudeMpc, AttitudeMpcConfig
-from manifold_mpc_ros.errors import ManifoldMpcError
+from manifold_mpc_ros import AttitudeMpc
+from manifold_mpc_ros.lab.domain.domain import NONE, Settings, smallest_horizons
 from manifold_mpc_ros.lab.domain.feasibility import Feasibility
+from manifold_mpc_ros.lab.domain.states import States
 from manifold_mpc_ros.lie import so3
+from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.solution import SolveStatus
 
-
-class Body(NamedTuple):
-    """Inertia [kg m^2], largest torque [N m] and rate [rad/s] on every axis."""
-
-    inertia: Array
-    torque: float
-    rate: Array
-
-
-def _turned(moments: list[float], key: str) -> Array:
-    """Return an inertia with these principal moments about random axes."""
-    R = so3.random_rotations(generator(key), 1)[0]
-    return np.asarray(R @ np.diag(moments) @ R.T)
-
-
-def _body(inertia: Any, torque: float, rate: Any) -> Body:
-    inertia = np.asarray(inertia, dtype=float)
-    return Body(np.diag(inertia) if inertia.ndim == 1 else inertia, torque,
-                np.broadcast_to(np.asarray(rate, dtype=float), 3).copy())
-
-
-BODIES = {
-    'pocketqube': _body([1.1e-4, 1.0e-4, 0.9e-4], 1e-6, 0.1),
-    '1u': _body([2.2e-3, 2.0e-3, 2.1e-3], 2e-5, 0.1),
-    'bar': _body([0.0067, 0.0419, 0.0419], 1e-3, 0.1),
-    '3u': _body([0.035, 0.035, 0.007], 1e-4, 0.05),
-    '6u': _body([0.13, 0.10, 0.05], 1e-3, 0.1),
-    'wheeled': _body([0.167174901, 0.125963211, 0.0612346508], 7e-4, 0.012),
-    'shipped': _body([1.0, 0.9, 0.6], 0.3, 0.6),
-    'table': _body([0.9, 0.8, 1.5], 0.5, 1.0),
-    'off_diagonal': _body([[15, 1.2, -0.5], [1.2, 12, 0.8], [-0.5, 0.8, 9]], 0.02, 0.02),
-    'plate': _body([10.0, 6.0, 4.1], 0.05, 0.03),
-    'rod': _body(_turned([100.0, 100.0, 10.0], 'rod'), 0.2, 0.02),
-    'geo': _body(_turned([9000.0, 4000.0, 8500.0], 'geo'), 0.5, np.radians(0.3)),
-    'telescope': _body([31046.0, 77217.0, 78754.0], 1.2, np.radians([0.5, 0.2, 0.2])),
-    'station': _body([[1.28e8, -5e6, 6e6], [-5e6, 1.07e8, 3e6], [6e6, 3e6, 2.01e8]], 150.0,
-                     np.radians(0.1)),
-}
-HORIZONS = (10, 14, 20, 28, 40, 80, 160, 330)
-LONGER = 1.5
-# Turns that every controller flies.
-TURNS = 4
 BESIDE_DEG = 0.3
 # ... of turns above this, where that is little beside the turn.
 LARGE_TURN_DEG = 140.0
 WORSE, JUMP = 1e-6, 0.02
 # Promised: the part of the instances that may be dearer, and by how much.
 PART_WORSE, MOST_WORSE = 0.005, 0.01
-
-
-def half_turn_s(body: Body) -> float:
-    """Return the time of a bang-bang half turn about the slowest body axis."""
-    times = []
-    for axis in range(3):
-        inertia = float(np.abs(body.inertia[axis]).max())
-        time_s, cap = 2 * np.sqrt(np.pi * inertia / body.torque), float(body.rate[axis])
-        if time_s / 2 * body.torque / inertia > cap:
-            time_s = np.pi / cap + cap * inertia / body.torque
-        times.append(time_s)
-    return max(times)
-
-
-def configuration(body: Body, step_s: float, horizon: int, accuracy_rad: float, damping: float
-                  ) -> AttitudeMpcConfig:
-    """Return a controller for which full torque costs what this error does."""
-    return AttitudeMpcConfig(
-        inertia_kg_m2=body.inertia, step_s=step_s, horizon=horizon, attitude_weight=np.eye(3),
-        rate_weight=damping * accuracy_rad * np.trace(body.inertia) / 3 / body.torque * np.eye(3),
-        torque_weight=(accuracy_rad / body.torque) ** 2 * np.eye(3),
-        max_torque_n_m=body.torque, max_rate_rad_s=body.rate)
-
-
-def draw(number: int) -> dict[str, Any]:
-    """Return body, weights, time and steps of the horizon, and turn of an instance.
-
-    The turn is drawn by the number, all else by the number of its `TURNS` turns.
-    """
-    rng = generator('bodies', number // TURNS)
-    controller = {
-        'body': str(rng.choice(list(BODIES))), 'horizon': int(rng.choice(HORIZONS)),
-        'times_half_turn': float(rng.choice([1.1, 1.5, 2.5])),
-        'accuracy_deg': float(rng.choice([0.5, 1.0, 5.0, 25.0])),
-        'damping': float(rng.choice([0.3, 1.0, 3.0]))}
-    rng = generator('turns', number)
-    axis = (np.eye(3)[rng.integers(3)] if rng.random() < 0.4
-            else so3.random_rotations(rng, 1)[0][0])
-    angle = [180.0, 179.7, rng.uniform(140, 180), rng.uniform(20, 180)][rng.integers(4)]
-    return {**controller, 'axis': axis.tolist(), 'angle_deg': float(angle)}
-
-
-def controllers(number: int) -> Iterator[tuple[dict[str, Any], AttitudeMpc, Array]]:
-    """Yield both horizons of an instance with its controller and rotation vector.
-
-    None where its body refuses the step.
-    """
-    instance = draw(number)
-    body = BODIES[instance['body']]
-    step_s = half_turn_s(body) * instance['times_half_turn'] / instance['horizon']
-    vector = np.radians(instance['angle_deg']) * np.array(instance['axis'])
-    for horizon in (instance['horizon'], round(LONGER * instance['horizon'])):
-        try:
-            mpc = AttitudeMpc(configuration(
-                body, step_s, horizon, np.radians(instance['accuracy_deg']),
-                instance['damping']))
-        except ManifoldMpcError:
-            return
-        yield {'number': number, **instance, 'horizon': horizon}, mpc, vector
 
 
 def find_best_known(known: Known, instances: int) -> None:
@@ -192,8 +94,9 @@ def judge(known: Known, path: Path) -> list[list[dict[str, Any]]]:
     there = {pair[0]['number'] for pair in pairs}
     for number, rows in itertools.groupby(known.rows(), key=lambda row: row[0]):
         if len(list(rows)) == 2 and number not in there:
-            pairs.append([judged(instance, mpc, vector)
-                          for instance, mpc, vector in controllers(number)])
+            solved = list(controllers(number))
+            pairs.append([judged(*each) for each in solved])
+            pairs[-1][-1].update(smallest(*solved[-1][1:]))
             with path.open('a', encoding='utf-8') as file:
                 file.write(json.dumps(pairs[-1]) + '\n')
     for row in itertools.chain.from_iterable(pairs):
@@ -215,6 +118,26 @@ def judged(instance: dict[str, Any], mpc: AttitudeMpc, vector: Array) -> dict[st
             'feasible': plan.status in (SolveStatus.CONVERGED, SolveStatus.FEASIBLE),
             'beside_feasible': beside.status != SolveStatus.INFEASIBLE,
             'solve_time_s': plan.solve_time_s}
+
+
+def smallest(mpc: AttitudeMpc, vector: Array) -> dict[str, Any]:
+    """Return the smallest horizon of a turn, and what the controller says at it and one below."""
+    found = smallest_horizons(
+        replace(mpc.config, horizon=4), mpc.terminal,
+        [States('turn', vector[None], np.zeros((1, 3)))],
+        settings=Settings(largest=mpc.config.horizon), only_largest=True)[0].largest
+    enough = {} if found == NONE else {n: AttitudeMpc(
+        replace(mpc.config, horizon=n), terminal=mpc.terminal).solve(
+            so3.exp(vector), np.zeros(3)).status != SolveStatus.INFEASIBLE
+        for n in (found - 1, found) if n}
+    return {'smallest': found, 'enough': enough.get(found), 'enough_below': enough.get(found - 1)}
+
+
+def differs(pair: list[dict[str, Any]]) -> bool:
+    """Return whether `design` and the controller differ about the smallest horizon."""
+    smallest = pair[-1]['smallest']
+    return (pair[-1]['enough'] is False or pair[-1]['enough_below'] is True
+            or any(row['feasible'] != (NONE != smallest <= row['horizon']) for row in pair))
 
 
 def summary(pairs: list[list[dict[str, Any]]]) -> dict[str, Any]:
@@ -239,9 +162,11 @@ def summary(pairs: list[list[dict[str, Any]]]) -> dict[str, Any]:
         'false_infeasible': sum(not row['feasible'] and row['best'] is not None for row in rows),
         'lost_with_horizon': sum(a['feasible'] and not b['feasible'] for a, b in pairs),
         'solve_and_domain_differ': sum(row['feasible'] != row['in_domain'] for row in rows),
+        'solve_and_design_differ': sum(map(differs, pairs)),
         'exceptions': [row for row, over in zip(feasible, excess) if over > WORSE]
         + jumps + list(itertools.chain.from_iterable(rises))
-        + [row for row in rows if not row['feasible'] and (row['best'] or row['in_domain'])],
+        + [row for row in rows if not row['feasible'] and (row['best'] or row['in_domain'])]
+        + list(itertools.chain.from_iterable(filter(differs, pairs))),
     }
 
 
@@ -292,7 +217,8 @@ def _written(result: dict[str, Any], output: Path | None) -> int:
     kept = (result['worse'] <= PART_WORSE * result['instances']
             and result['largest_excess'] <= MOST_WORSE)
     return int(not kept or any(result.get(name) for name in (
-        'rises_with_horizon', 'false_infeasible', 'solve_and_domain_differ')))
+        'rises_with_horizon', 'false_infeasible', 'solve_and_domain_differ',
+        'solve_and_design_differ')))
 
 
 if __name__ == '__main__':

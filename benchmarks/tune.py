@@ -4,7 +4,7 @@
 
     python benchmarks/tune.py --output docs/results/tune.json
 
-The bodies are those of bodies.py, and random ones with moments from 1e-3 to 1e6 kg m^2 about
+The bodies are those of instances.py, and random ones with moments from 1e-3 to 1e6 kg m^2 about
 random axes, torque for half turns of 10 s to 3,000 s, and rates that are reached in some. Each
 flies quarter and half turns about its three axes and two random ones, on the model. The bound of
 a slew is that of `rule.bang_bang_time_s`: from rest to rest about the axis of the slew, with the
@@ -26,7 +26,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / 'test'))
 
-from bodies import BODIES, Body
+from instances import BODIES, Body
 from strategies import generator
 
 from manifold_mpc_ros.config.parameter import resolve_parameters

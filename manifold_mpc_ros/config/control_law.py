@@ -28,7 +28,13 @@ from manifold_mpc_ros.config.parameter import (
     named_as_parameter,
     read_values,
 )
-from manifold_mpc_ros.config.rate_limits import RateBox, RateEllipsoid, RateLimit
+from manifold_mpc_ros.config.rate_limits import (
+    RateBox,
+    RateEllipsoid,
+    RateLimit,
+    check_steps,
+    rate_margins,
+)
 from manifold_mpc_ros.config.simulator import SimulatorConfig
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, CONTROLLER_PARAMETERS
 from manifold_mpc_ros.config.target_parameters import HorizonSteps
@@ -38,14 +44,7 @@ from manifold_mpc_ros.config.wheels import WheelArray
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie.arrays import Array
 
-__all__ = ['AttitudeMpcConfig', 'SimulatorConfig', 'MAX_STEP_ANGLE_RAD']
-
-FORCINGS = ('symmetric', 'paper')
-TARGETS = ('attitude', 'pointing')
-
-#: Largest rotation in one step that the rate limits may allow [rad]. The principal branch of the
-#: implicit step ends at pi/2 (docs/theory.md, section 2).
-MAX_STEP_ANGLE_RAD = 1.5
+__all__ = ['AttitudeMpcConfig', 'SimulatorConfig']
 
 _CHECKS: dict[str, checks.Check] = {
     'inertia_kg_m2': checks.inertia, 'step_s': checks.positive,
@@ -56,8 +55,10 @@ _CHECKS: dict[str, checks.Check] = {
     'terminal_scale': checks.fraction, 'max_torque_n_m': checks.limit,
     'max_rate_rad_s': checks.limit, 'rate_ellipsoid_s2': checks.ellipsoids,
     'max_rate_norm_rad_s': checks.bound, 'max_kinetic_energy_j': checks.bound,
-    'forcing': partial(checks.choice, choices=FORCINGS), 'terminal_constraint': checks.boolean,
-    'target': partial(checks.choice, choices=TARGETS), 'pointing_axis_B': checks.direction,
+    'keep_rate_between_samples': checks.boolean,
+    'forcing': partial(checks.choice, choices=('symmetric', 'paper')),
+    'terminal_constraint': checks.boolean, 'pointing_axis_B': checks.direction,
+    'target': partial(checks.choice, choices=('attitude', 'pointing')),
     'pointing_weight': checks.positive}
 
 
@@ -90,6 +91,8 @@ class AttitudeMpcConfig:
         (n, 3, 3); None for none.
     max_rate_norm_rad_s, max_kinetic_energy_j
         Limits on |omega| and on ``omega^T J omega / 2``: ellipsoids too; None or inf for none.
+    keep_rate_between_samples
+        Keep the rate limits between samples too, under torque that is constant over a step.
     forcing
         'symmetric' for a physical plant under zero-order hold, 'paper' for the paper's form.
     terminal_constraint
@@ -128,6 +131,7 @@ class AttitudeMpcConfig:
     rate_ellipsoid_s2: Array | None = None
     max_rate_norm_rad_s: float | None = None
     max_kinetic_energy_j: float | None = None
+    keep_rate_between_samples: bool = False
     forcing: str = 'symmetric'
     terminal_constraint: bool = True
     target: str = 'attitude'
@@ -142,8 +146,9 @@ class AttitudeMpcConfig:
         """Check every field, then what the fields together have to satisfy."""
         checks.fields(self, _CHECKS)
         self._check_grading()
-        self._check_branch()
-        self._check_existence()
+        check_steps(self.rate_limits, self._rate_limit, self.inertia_kg_m2, self.max_torque_n_m,
+                    self.steps.longest_s)
+        self._check_between_samples()
         checks.fields(self, {'cones': unique_cones})
         if self.cones:
             self._check_cones()
@@ -193,6 +198,30 @@ class AttitudeMpcConfig:
         return (*box, *map(RateEllipsoid, self.rate_ellipsoids_s2))
 
     @cached_property
+    def rate_margins(self) -> list[dict[str, float]]:
+        """What rate limits that hold at the nodes have to be smaller by, each, to hold between."""
+        return rate_margins(self.rate_limits, self.inertia_kg_m2, self.max_torque_n_m, self.step_s)
+
+    @cached_property
+    def within_rate_margins(self) -> AttitudeMpcConfig:
+        """The same law with rate limits that are smaller by their margins."""
+        box, shapes = None, []
+        for limit, margin in zip(self.rate_limits, self.rate_margins):
+            if isinstance(limit, RateBox):
+                box = limit.smaller(margin).max_rate_rad_s
+            elif isinstance(limit, RateEllipsoid):
+                shapes.append(limit.smaller(margin).E_s2)
+        return replace(
+            self, keep_rate_between_samples=False, max_rate_norm_rad_s=None,
+            max_kinetic_energy_j=None, max_rate_rad_s=box,
+            rate_ellipsoid_s2=np.array(shapes) if shapes else None)
+
+    @property
+    def planned(self) -> AttitudeMpcConfig:
+        """The law with the rate limits that the nodes of plans and the terminal set keep."""
+        return self.within_rate_margins if self.keep_rate_between_samples else self
+
+    @cached_property
     def steps(self) -> HorizonSteps:
         """The steps of the horizon."""
         return HorizonSteps(self.horizon, self.step_s, self.horizon_s)
@@ -209,16 +238,18 @@ class AttitudeMpcConfig:
             raise ConfigurationError(
                 'horizon_s', self.horizon_s, '0 with cones, with wheels and with paper forcing')
 
-    def _check_branch(self) -> None:
-        """Refuse rate limits that let one step turn as far as the end of the principal branch."""
-        limits = self.rate_limits
-        angle = self.steps.longest_s * min(
-            (limit.largest_rate_rad_s for limit in limits), default=0.0)
-        if angle >= MAX_STEP_ANGLE_RAD:
+    @property
+    def can_keep_rate_between_samples(self) -> bool:
+        """Whether the margins are proved to do that: docs/theory.md, section 18."""
+        return (self.forcing == 'symmetric' and self.wheels is None and self.thrusters is None
+                and bool(self.rate_margins) and all(self.rate_margins))
+
+    def _check_between_samples(self) -> None:
+        """Refuse to promise between samples what is not proved there."""
+        if self.keep_rate_between_samples and not self.can_keep_rate_between_samples:
             raise ConfigurationError(
-                *self._rate_limit(),
-                f'limits with step_s * |largest rate| below {MAX_STEP_ANGLE_RAD} rad '
-                f'(it is {angle:.4g} rad with step_s = {self.steps.longest_s:g})')
+                'keep_rate_between_samples', True, 'False; or limits on torque and rate of every '
+                'axis, a shorter step_s, and no paper forcing, wheels or thrusters')
 
     @property
     def largest_acceleration_rad_s2(self) -> float:
@@ -259,35 +290,11 @@ class AttitudeMpcConfig:
                 'cones', [each.name for each in self.cones], 'cones that some attitude keeps '
                 f'together (the best one misses by {np.degrees(-best):.3g} degrees)')
 
+    @property
     def _rate_limit(self) -> tuple[str, object]:
-        """Return name and value of a rate limit, for an error."""
+        """Name and value of a rate limit, for an error."""
         names = ('max_rate_rad_s', 'rate_ellipsoid_s2', 'max_rate_norm_rad_s',
                  'max_kinetic_energy_j')
-        name = next(name for name in names if getattr(self, name) is not None)
+        name = next((name for name in names if getattr(self, name) is not None), names[0])
         value = getattr(self, name)
         return name, value.tolist() if isinstance(value, np.ndarray) else value
-
-    def _check_existence(self) -> None:
-        """Refuse limits whose corner has no guaranteed implicit step.
-
-        The guarantee is ``h |J omega| + h^2/2 |tau| < lambda_min(J)``; axes without a limit do
-        not count here, the solver guards them.
-        """
-        torque = _finite_part(self.max_torque_n_m)
-        momentum = min((limit.largest_momentum_n_m_s(self.inertia_kg_m2)
-                        for limit in self.rate_limits), default=0.0)
-        impulse = self.steps.longest_s * float(np.linalg.norm(torque)) / 2.0
-        smallest = float(np.linalg.eigvalsh(self.inertia_kg_m2)[0])
-        reached = self.steps.longest_s * (momentum + impulse)
-        if reached >= smallest:
-            key, value = self._rate_limit() if momentum >= impulse else (
-                'max_torque_n_m', torque.tolist())
-            raise ConfigurationError(
-                key, value,
-                'limits with step_s * |J max_rate| + step_s^2/2 * |max_torque| below the smallest '
-                f'moment of inertia {smallest:.4g} kg m^2 (it is {reached:.4g})')
-
-
-def _finite_part(box: Array | None) -> Array:
-    """Return the limits with zero for the axes that have none."""
-    return np.zeros(3) if box is None else np.where(np.isfinite(box), box, 0.0)

@@ -2,8 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Limits on the body rate, as everything outside the solver's generated code evaluates them.
 
-The formulas use arithmetic only: omega_BN_B (3 entries, [rad/s]) may hold floats, arrays over many
-states, CasADi expressions, or balls of a proof.
+The formulas of values and ratios use arithmetic only: omega_BN_B (3 entries, [rad/s]) may hold
+floats, arrays over many states, CasADi expressions, or balls of a proof.
+
+A rigid body is not the model, whose step is of second order: from one node to the next it reaches
+another rate, and between them a larger one. `rate_margins` bounds both (docs/theory.md, (31)).
 """
 
 from __future__ import annotations
@@ -15,7 +18,15 @@ from typing import Any
 import numpy as np
 
 from manifold_mpc_ros.config.checks import CORNERS
+from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie.arrays import Array, BoolArray
+
+#: Largest rotation in one step that the rate limits may allow [rad]. The principal branch of the
+#: implicit step ends at pi/2 (docs/theory.md, section 2).
+MAX_STEP_ANGLE_RAD = 1.5
+
+#: Parts of a limit by the name of its ratio.
+Margins = dict[str, float]
 
 
 class RateLimit(ABC):
@@ -35,6 +46,23 @@ class RateLimit(ABC):
 
     #: Whether no axis is free.
     limits_every_axis: bool = True
+
+    @abstractmethod
+    def used(self, omega_BN_B: Array) -> dict[str, Array]:
+        """Map rates (n, 3) [rad/s] to the parts (n,) of the limit that they use, by name."""
+
+    @abstractmethod
+    def used_at_most(self, box_rad_s: Array) -> Margins:
+        """Return the largest parts that rates with ``|omega_i| <= box_i`` use."""
+
+    @abstractmethod
+    def smaller(self, margins: Margins) -> RateLimit:
+        """Return the limit that is smaller by these parts."""
+
+    @property
+    @abstractmethod
+    def half_widths_rad_s(self) -> Array:
+        """The half widths (3,) of the smallest box round it, inf where an axis is free."""
 
     @property
     @abstractmethod
@@ -71,6 +99,24 @@ class RateBox(RateLimit):
     def ratios(self, omega_BN_B: Any) -> dict[str, Any]:
         """Return ``|omega_i| / max_rate_i`` of the limited axes."""
         return {name: abs(omega_BN_B[i]) / limit for i, name, limit in self._limits}
+
+    def used(self, omega_BN_B: Array) -> dict[str, Array]:
+        """Return the ratios."""
+        return self.ratios(omega_BN_B.T)
+
+    def used_at_most(self, box_rad_s: Array) -> Margins:
+        """Return the ratios of its corner."""
+        return {name: float(part) for name, part in self.ratios(box_rad_s).items()}
+
+    def smaller(self, margins: Margins) -> RateBox:
+        """Return the box with every half width less by its part."""
+        return RateBox(self.max_rate_rad_s * (1.0 - np.array(
+            [margins.get(f'rate {axis}', 0.0) for axis in 'xyz'])))
+
+    @property
+    def half_widths_rad_s(self) -> Array:
+        """Its own."""
+        return self.max_rate_rad_s
 
     @property
     def largest_rate_rad_s(self) -> float:
@@ -111,6 +157,23 @@ class RateEllipsoid(RateLimit):
         """Return ``omega^T E omega``."""
         return {self.name: self._form(omega_BN_B)}
 
+    def used(self, omega_BN_B: Array) -> dict[str, Array]:
+        """Return ``(omega^T E omega)^(1/2)``."""
+        return {self.name: np.sqrt(self._form(omega_BN_B.T))}
+
+    def used_at_most(self, box_rad_s: Array) -> Margins:
+        """Return that of the worst corner; it is convex."""
+        return {self.name: float(self.used(CORNERS * box_rad_s)[self.name].max())}
+
+    def smaller(self, margins: Margins) -> RateEllipsoid:
+        """Return the ellipsoid with all half axes less by its part."""
+        return RateEllipsoid(self.E_s2 / (1.0 - margins.get(self.name, 0.0)) ** 2)
+
+    @property
+    def half_widths_rad_s(self) -> Array:
+        """``(E^-1)_ii^(1/2)``."""
+        return np.sqrt(np.diag(np.linalg.inv(self.E_s2)))
+
     @property
     def largest_rate_rad_s(self) -> float:
         """The longest half axis, ``lambda_min(E)^(-1/2)``."""
@@ -141,3 +204,69 @@ def rates_beyond(limits: Sequence[RateLimit], omega_BN_B: Array, slack: float) -
         for value in limit.values(omega_BN_B.T / (1.0 + slack)):
             beyond |= value > 0.0
     return beyond
+
+
+def check_steps(limits: Sequence[RateLimit], named: tuple[str, object], inertia_kg_m2: Array,
+                max_torque_n_m: Array | None, step_s: float) -> None:
+    """Refuse limits with which a step may leave the principal branch, or may not exist.
+
+    The guarantee is ``h |J omega| + h^2/2 |tau| < lambda_min(J)``; axes without a limit do not
+    count here, the solver guards them. ``named`` is a rate limit, for the error.
+
+    Raises ConfigurationError.
+    """
+    angle = step_s * min((limit.largest_rate_rad_s for limit in limits), default=0.0)
+    if angle >= MAX_STEP_ANGLE_RAD:
+        raise ConfigurationError(
+            *named, f'limits with step_s * |largest rate| below {MAX_STEP_ANGLE_RAD} rad '
+            f'(it is {angle:.4g} rad with step_s = {step_s:g})')
+    torque = np.zeros(3) if max_torque_n_m is None else np.where(
+        np.isfinite(max_torque_n_m), max_torque_n_m, 0.0)
+    momentum = min((limit.largest_momentum_n_m_s(inertia_kg_m2) for limit in limits), default=0.0)
+    impulse = step_s * float(np.linalg.norm(torque)) / 2.0
+    smallest = float(np.linalg.eigvalsh(inertia_kg_m2)[0])
+    reached = step_s * (momentum + impulse)
+    if reached >= smallest:
+        key, value = named if momentum >= impulse else ('max_torque_n_m', torque.tolist())
+        raise ConfigurationError(
+            key, value,
+            'limits with step_s * |J max_rate| + step_s^2/2 * |max_torque| below the smallest '
+            f'moment of inertia {smallest:.4g} kg m^2 (it is {reached:.4g})')
+
+
+def rate_margins(limits: Sequence[RateLimit], inertia_kg_m2: Array,
+                 max_torque_n_m: Array | None, step_s: float) -> list[Margins]:
+    """Return by which part each limit, kept at the nodes, has to be smaller to be kept by a body.
+
+    Of a rigid body in continuous time under a torque that is constant over a step. Empty where
+    torque or rate of an axis is not limited, and where the step is too long for a bound.
+    """
+    none: list[Margins] = [{} for _ in limits]
+    rate = np.min([np.full(3, np.inf), *(limit.half_widths_rad_s for limit in limits)], axis=0)
+    if max_torque_n_m is None or not np.isfinite([rate, max_torque_n_m]).all():
+        return none
+    bounds = _beyond_nodes(inertia_kg_m2, max_torque_n_m, rate, step_s)
+    if bounds is None:
+        return none
+    parts = [[limit.used_at_most(bound) for bound in bounds] for limit in limits]
+    margins = [{name: off[name] + bulge[name] for name in off} for off, bulge in parts]
+    return margins if all(part < 1.0 for each in margins for part in each.values()) else none
+
+
+def _beyond_nodes(J: Array, torque: Array, rate: Array, h: float) -> tuple[Array, Array] | None:
+    """Return D and beta / 4 (3,) [rad/s] of docs/theory.md (31), None where they do not exist.
+
+    ``rate`` and ``torque`` (3,) are the half widths of the boxes of rates and torques.
+    """
+    inverse = np.linalg.inv(J)
+    across = np.cross(J[:, None], np.eye(3))  # J e_j x e_k; J is symmetric
+    G = np.abs(np.einsum('il,jkl->ijk', inverse, across + across.swapaxes(0, 1)) / 2.0)
+    N, turn = h * G @ rate, h * float(np.linalg.norm(rate))
+    if turn > 1.0 or np.abs(np.linalg.eigvals(N)).max() >= 1.0:
+        return None
+    q = np.tan(np.arcsin(turn) / 2.0) ** 2
+    change = np.minimum(h * np.abs(inverse) @ torque + (1.0 + q) * N @ rate, 2.0 * rate)
+    bend = h * (G @ change) @ change
+    beta = np.linalg.solve(np.eye(3) - N / 3.0, N @ change + bend / 6.0)
+    off = np.linalg.solve(np.eye(3) - N, bend / 12.0 + q * N @ rate + N @ beta / 3.0)
+    return off, beta / 4.0

@@ -102,6 +102,9 @@ CONTROLLER_PARAMETERS: tuple[ParameterSpec, ...] = (
         'largest kinetic energy of the rotation, omega^T J omega / 2', unit='J', lengths=(1,),
         infinite=True),
     ParameterSpec(
+        'limits.keep_rate_between_samples', 'bool', False,
+        'keep the rate limits between samples too: plan within them by a proved margin'),
+    ParameterSpec(
         'cones.names', 'names', [''],
         'names of the cones that body axes stay out of, or in; each has parameters of its own',
         read_only=True, each=CONE_PARAMETERS),

@@ -20,7 +20,6 @@ from manifold_mpc_ros.mpc.backends.build import load_library
 from manifold_mpc_ros.mpc.compiled import CompiledMpc
 from manifold_mpc_ros.mpc.cone_keeper import ConeKeeper
 from manifold_mpc_ros.mpc.program.numbers import numbers_of
-from manifold_mpc_ros.mpc.rate_margin import Margins, rate_margins, with_margins
 from manifold_mpc_ros.mpc.reference import LEAST_SHARE, Reference, Shares
 from manifold_mpc_ros.mpc.scaling import scaling_of
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus, failed
@@ -88,7 +87,7 @@ class AttitudeMpc:
         structure = structure_of(config, disturbed=disturbed, moving=moving)
         library = load_library(structure, backend, cache_dir)
         self.solver = CompiledMpc(library, structure, config, numbers_of(
-            config, self.terminal, self.terminal.c, structure))
+            config.planned, self.terminal, self.terminal.c, structure))
         self._build_again = functools.partial(self._build, backend, cache_dir)
         self._cones = ConeKeeper(config, self.terminal, self.solver)
         self._wheels = WheelKeeper(config, self.terminal, self.solver)
@@ -97,7 +96,7 @@ class AttitudeMpc:
         if moving:
             self._follow()
         if self._tracked:
-            self.solver.set_rate_limits(with_margins(config, self._margins))
+            self.solver.set_rate_limits(config.within_rate_margins)
 
     def reset(self) -> None:
         """Forget the warm start; the next solve searches globally."""
@@ -221,7 +220,8 @@ class AttitudeMpc:
         if not self._moving:
             self._build_again(disturbed=self._disturbed, moving=True)
         elif begins:
-            self.solver.set_rate_limits(with_margins(self.config, self._margins))
+            self.solver.set_rate_limits(
+                self.config.within_rate_margins if self._tracked else self.config.planned)
         self._follow()
         self._cones.leave(self.terminal_share)
         return R_ND if reference is None else reference.R_ND[0]
@@ -229,17 +229,7 @@ class AttitudeMpc:
     def _follow(self) -> None:
         """Hand the reference to the solver, and take what it uses of the limits."""
         R_ND, omega = self._reference.R_ND, self._reference.omega_DN_D
-        self._shares.see(omega, self._margins, self.solver.set_reference(R_ND, omega))
-
-    @functools.cached_property
-    def _moving_margins(self) -> list[Margins]:
-        """What plans about targets that move keep to the rate limits."""
-        return rate_margins(self.config)
-
-    @property
-    def _margins(self) -> list[Margins]:
-        """What plans keep to the rate limits; nothing about targets that are fixed."""
-        return self._moving_margins if self._tracked else [{} for _ in self.config.rate_limits]
+        self._shares.see(omega, self.solver.set_reference(R_ND, omega), moving=self._tracked)
 
     def _aim(self, R_NB: Array, omega: Array, R_ND: Array) -> None:
         """Say which attitude is commanded with a state, as long as it can be used."""

@@ -10,12 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.config.rate_limits import RateBox, RateLimit
+from manifold_mpc_ros.config.rate_limits import Margins, RateBox, RateLimit
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.program.options import ROTATION_DEFECT
-from manifold_mpc_ros.mpc.rate_margin import Margins, relative
 
 #: Of the limits, a reference leaves this part at least to the solver: less is not followed.
 LEAST_SHARE = 1e-2
@@ -79,17 +78,20 @@ class Shares:
         """Begin with one that is fixed."""
         limit = config.max_torque_n_m
         self._torque = [math.inf] * 3 if limit is None else limit.tolist()
-        self._rates = config.rate_limits
+        self._rates, self._margins = config.planned.rate_limits, _margins(config)
         self.torque, self.rate, self.rests = [0.0] * 3, 0.0, True
 
-    def see(self, omega_DN_D: Array, margins: list[Margins],
-            largest: tuple[list[float], list[float]]) -> None:
-        """Take rates (N+1, 3) [rad/s] and the largest |torque|, |rate| (3,) about each axis."""
+    def see(self, omega_DN_D: Array, largest: tuple[list[float], list[float]], *, moving: bool
+            ) -> None:
+        """Take rates (N+1, 3) [rad/s] and the largest |torque|, |rate| (3,) about each axis.
+
+        ``moving``: they are of a target that moves, whose plans keep margins.
+        """
         torque, rate = largest
         self.torque = [used / limit for used, limit in zip(torque, self._torque)]
         self.rate = max((
             rate_share(each, rate if isinstance(each, RateBox) else omega_DN_D, margin)
-            for each, margin in zip(self._rates, margins)), default=0.0)
+            for each, margin in zip(self._rates, self._margins)), default=0.0) if moving else 0.0
         self.rests = not omega_DN_D[-1].any()
 
 
@@ -108,16 +110,24 @@ def reference_torque(reference: Reference, config: AttitudeMpcConfig) -> Array:
     return np.asarray(np.linalg.solve(h / 2 * (np.eye(3) + back), change[..., None])[..., 0])
 
 
-def used_by(
-    end: Reference, config: AttitudeMpcConfig, margins: list[Margins], disturbance_B_n_m: Array,
-) -> tuple[Array, float]:
+def used_by(end: Reference, config: AttitudeMpcConfig, disturbance_B_n_m: Array
+            ) -> tuple[Array, float]:
     """Return the torque (3,) [N m] between two nodes, and the part of the limits that is used."""
     torque = reference_torque(end, config)[0]
     limit = np.inf if config.max_torque_n_m is None else config.max_torque_n_m
     used = (np.abs(torque) + np.abs(disturbance_B_n_m)) / limit
     return torque, max([float(used.max()), *(
         rate_share(each, end.omega_DN_D, margin)
-        for each, margin in zip(config.rate_limits, margins, strict=True))])
+        for each, margin in zip(config.planned.rate_limits, _margins(config), strict=True))])
+
+
+def _margins(config: AttitudeMpcConfig) -> list[Margins]:
+    """Return what plans about targets that move keep to the limits of the terminal set.
+
+    Which may have the margin in them already.
+    """
+    planned = config.planned
+    return config.rate_margins if planned is config else [{} for _ in planned.rate_limits]
 
 
 def rate_share(limit: RateLimit, omega: Array | list[float], margin: Margins) -> float:
@@ -126,5 +136,5 @@ def rate_share(limit: RateLimit, omega: Array | list[float], margin: Margins) ->
     ``omega`` may be a list, the largest |omega| about each axis (3,): all that a box asks for.
     """
     ratios = limit.ratios(omega) if isinstance(omega, list) else {
-        name: float(np.max(ratio)) for name, ratio in relative(limit, omega).items()}
+        name: float(np.max(part)) for name, part in limit.used(omega).items()}
     return max((ratio + margin.get(name, 0.0) for name, ratio in ratios.items()), default=0.0)

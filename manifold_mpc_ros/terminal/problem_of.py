@@ -67,5 +67,5 @@ def terminal_design(config: AttitudeMpcConfig) -> TerminalDesign:
 
     Raises DesignError when the design does not exist; the message names the condition that fails.
     """
-    design = design_terminal(problem_of(config))
+    design = design_terminal(problem_of(config.planned))
     return cut_design(config, design) if config.cones else design

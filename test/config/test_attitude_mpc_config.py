@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from manifold_mpc_ros.config.control_law import MAX_STEP_ANGLE_RAD, AttitudeMpcConfig
+from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.config.rate_limits import MAX_STEP_ANGLE_RAD
 from manifold_mpc_ros.errors import ConfigurationError, ManifoldMpcError
 from manifold_mpc_ros.lie import so3
 

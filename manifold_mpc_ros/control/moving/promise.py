@@ -24,7 +24,6 @@ from manifold_mpc_ros.dynamics.lgvi import Forcing, lgvi_step, step_rotation
 from manifold_mpc_ros.errors import StepExistenceError
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.lie.arrays import Array
-from manifold_mpc_ros.mpc.rate_margin import rate_margins
 from manifold_mpc_ros.mpc.reference import LEAST_SHARE, Reference, used_by
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution
 from manifold_mpc_ros.terminal.design import TerminalDesign
@@ -40,7 +39,6 @@ class MovingPromise:
     def __init__(self, config: AttitudeMpcConfig, terminal: TerminalDesign) -> None:
         """Keep the terminal design."""
         self._config, self._terminal = config, terminal
-        self._margins = rate_margins(config)
         self._effort = trace_hessian(config.torque_weight)
 
     def allowance(self, solution: AttitudeMpcSolution, end: Reference, disturbance_B_n_m: Array
@@ -59,7 +57,7 @@ class MovingPromise:
         config, design = self._config, self._terminal
         R_NB, omega = solution.R_NB[-1], solution.omega_BN_B[-1]
         xi, cost = self._error(R_NB, omega, end, 0)
-        torque_D, used = used_by(end, config, self._margins, disturbance_B_n_m)
+        torque_D, used = used_by(end, config, disturbance_B_n_m)
         eta = design.K @ xi
         R_NB, omega = self._step(R_NB, omega, torque_D + eta)
         after, _ = self._error(R_NB, omega, end, 1)

@@ -76,7 +76,8 @@ class AxisLimits:
         momentum = config.inertia_kg_m2 @ axis_B
         p = torques.normals @ momentum / torques.bounds
         q = torques.normals @ np.cross(axis_B, momentum) / torques.bounds
-        rates = [float(limit.rate_about(axis_B)) for limit in config.rate_limits]
+        rates = [float(limit.rate_about(axis_B))
+                 for limit in config.within_rate_margins.rate_limits]
         return cls(np.abs(p), np.where(p < 0.0, -q, q), part, part * min(rates, default=math.inf))
 
     @property

@@ -68,7 +68,7 @@ class RigidBodyEnclosure:
             triple(entry - mean if i == j else entry for j, entry in enumerate(row))
             for i, row in enumerate(self.inertia))
         self._guard = lowest_eigenvalue(config.inertia_kg_m2)
-        self._limits = config.rate_limits
+        self._limits = config.planned.rate_limits
         weights = [config.rate_weight, config.torque_weight]
         self.rate_hessian, self.torque_hessian = map(trace_hessian, weights)
 

@@ -42,7 +42,7 @@ class Feasibility:
         self._mpc = AttitudeMpc(config, backend=backend, cache_dir=cache_dir, terminal=terminal)
         self._solver, self.backend = self._mpc.solver, self._mpc.backend
         self._unit = scaling_of(config)
-        self._limits, self._cones = config.rate_limits, config.kept_cones
+        self._limits, self._cones = config.planned.rate_limits, config.kept_cones
 
     def plan(self, R_NB: Array, omega_BN_B: Array) -> Array | None:
         """Map a state (commanded attitude: identity) to torques (N, 3) [N m], None if not found.

@@ -79,7 +79,8 @@ def controller(values: Mapping[str, Value], timing: Timing, weights: Weights, ha
                ) -> tuple[dict[str, Value], AttitudeMpcConfig]:
     """Return the parameters that the rule sets, and the configuration with them.
 
-    ``Qg = I``, ``R = (torque_angle / max_torque)^2``, ``Qf = (damping half_turn)^2 I``.
+    ``Qg = I``, ``R = (torque_angle / max_torque)^2``, ``Qf = (damping half_turn)^2 I``; and rate
+    limits are kept between samples where that is proved.
     """
     torque = np.asarray(values['limits.max_torque_n_m'], dtype=float)
     chosen: dict[str, Value] = {
@@ -88,6 +89,9 @@ def controller(values: Mapping[str, Value], timing: Timing, weights: Weights, ha
         'mpc.rate_weight': [(weights.damping * half_turn) ** 2] * 3,
         'mpc.torque_weight': [(weights.torque_angle_rad / float(torque.max())) ** 2] * 3,
         'mpc.terminal_constraint': True, 'slew_profile.torque_fraction': weights.torque_fraction}
+    keep = 'limits.keep_rate_between_samples'
+    config = AttitudeMpcConfig.from_parameters({**values, **chosen, keep: False})
+    chosen[keep] = config.can_keep_rate_between_samples
     return chosen, AttitudeMpcConfig.from_parameters({**values, **chosen})
 
 
