@@ -153,6 +153,19 @@ def moving_cones(data: dict[str, Any]) -> str:
 
 
 
+def scenarios(data: dict[str, Any]) -> str:
+    """Return what became of the shipped scenarios."""
+    def said(row: dict[str, Any], limit: str) -> str:
+        """Return what was measured for a limit, nothing where it has none."""
+        return str(row['limits'].get(limit, {}).get('measured', ''))
+
+    return table(['scenario', 'verdict', 'settling time (after each setpoint)', 'final error',
+                  'replay'], [
+        [f'`{name}`', row['verdict'], said(row, 'settle_time_s'), said(row, 'final_error_deg'),
+         ('' if row['lockstep'] else 'by the stamps, ') + row['replay']]
+        for name, row in data.items()])
+
+
 def calls(data: dict[str, Any]) -> str:
     """Return what a call of `AttitudeMpc.solve` costs beside the solver in it."""
     return table(['N', 'start', 'call [us]', 'solver [us]', 'call over solver'], [

@@ -32,13 +32,15 @@ from program_tables import (
     lines,
     mcap,
     moving_cones,
+    scenarios,
     search_tail,
     table,
 )
 
 TOP = Path(__file__).resolve().parent.parent
 PAGES = (TOP / 'README.md', *(TOP / 'docs' / f'{name}.md' for name in (
-    'basilisk', 'cones', 'performance', 'chaos', 'embedding', 'install', 'libraries', 'nodes')))
+    'bags', 'basilisk', 'cones', 'performance', 'chaos', 'embedding', 'install', 'libraries',
+    'nodes')))
 RESULTS = TOP / 'docs' / 'results'
 CHAOS = 'chaos_matrix chaos_soak chaos_drills chaos_drills_shared_memory'
 TABLE = re.compile(r'(<!-- table: (\S+) -->\n).*?(<!-- end -->)', re.DOTALL)
@@ -248,6 +250,7 @@ TABLES: dict[str, tuple[str, Callable[..., str]]] = {
     'basilisk-slews': ('basilisk', basilisk_tables.slews),
     'basilisk-pointing': ('basilisk', basilisk_tables.pointing),
     'basilisk-tuning': ('basilisk', basilisk_tables.tuning),
+    'scenarios': ('scenarios', scenarios),
     'mcap': ('libraries', mcap), 'joblib': ('libraries', joblib),
 }
 COMMANDS = {'bench': 'make bench', 'tick': 'manifold-mpc bench --tick',
@@ -259,7 +262,7 @@ COMMANDS = {'bench': 'make bench', 'tick': 'manifold-mpc bench --tick',
             'calls': 'python benchmarks/calls.py', 'export': 'python benchmarks/export.py',
             'references': 'python benchmarks/references.py',
             'moving': 'python benchmarks/moving_cost.py', 'basilisk': 'make basilisk',
-            'chaos': 'manifold-mpc chaos'}
+            'chaos': 'manifold-mpc chaos', 'scenarios': 'python benchmarks/scenarios.py'}
 
 
 def filled(page: str) -> str:
