@@ -25,7 +25,7 @@ def test_no_time_still_gives_a_plan_within_the_torque_limits(
     for R, omega in STATES:
         plan = cold(mpc).solve(R, omega, max_solve_time_s=0.0)
         assert plan.status in (SolveStatus.FEASIBLE, SolveStatus.INFEASIBLE)
-        assert plan.iterations >= 1
+        assert 1 <= plan.iterations <= 2  # none begins after the end of the time, but the first
         assert np.isfinite(plan.torques_B_n_m).all()
         assert np.abs(plan.torques_B_n_m).max() <= 0.3
         assert plan.kkt_residual > 1e-8

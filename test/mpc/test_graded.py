@@ -13,6 +13,10 @@ from cases import CERTIFIED, configuration, random_states
 from reference import closed_loop
 
 from manifold_mpc_ros.config.cones import Cone
+from manifold_mpc_ros.config.controller import ControllerConfig
+from manifold_mpc_ros.config.parameter import resolve_parameters
+from manifold_mpc_ros.config.tables import CONTROLLER_PARAMETERS
+from manifold_mpc_ros.config.wheels import WheelArray
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3
@@ -44,6 +48,7 @@ def test_steps_grow_and_add_up() -> None:
 @pytest.mark.parametrize(('changes', 'valid'), [
     ({'horizon_s': 1.5}, 'more than horizon [*] step_s = 1.5'), ({'horizon': 6}, 'more than 6'),
     ({'forcing': 'paper'}, '0 with cones'), ({'horizon_s': -1.0}, 'at least 0'),
+    ({'wheels': WheelArray(np.eye(3), 0.1, 1.0)}, 'with wheels'),
     ({'cones': [Cone('sun', (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0.5)]}, '0 with cones'),
     ({'horizon_s': 60.0}, 'limits with step_s')])
 def test_what_cannot_be_is_refused(changes: dict[str, object], valid: str) -> None:
@@ -54,6 +59,14 @@ def test_what_cannot_be_is_refused(changes: dict[str, object], valid: str) -> No
 def test_a_reference_is_refused(mpc: AttitudeMpc) -> None:
     with pytest.raises(ConfigurationError, match='horizon_s'):
         mpc.solve(R_START, np.zeros(3), reference=Reference.fixed(np.eye(3), GRADED.horizon))
+
+
+@pytest.mark.parametrize('moves', ['reference.timeout_s', 'slew_profile.torque_fraction'])
+def test_a_controller_whose_targets_move_is_refused(moves: str) -> None:
+    values = resolve_parameters(CONTROLLER_PARAMETERS, {'mpc.horizon_s': 10.1, moves: 0.5},
+                                complete=False)
+    with pytest.raises(ConfigurationError, match='0 with targets that move'):
+        ControllerConfig.from_parameters(values)
 
 
 def test_a_plan_is_a_trajectory_of_the_model(mpc: AttitudeMpc) -> None:
