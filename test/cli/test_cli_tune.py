@@ -38,6 +38,8 @@ def test_a_cubesat_settles_near_the_bound_with_the_file_written(
     text = path.read_text(encoding='utf-8')
     assert 'state_source: imu' in text
     assert '# hardest slew: 90 deg about (0.667, -0.333, 0.667): ' in text
+    assert 'keep_rate_between_samples: true' in text
+    assert '# rate limits: kept between samples too' in text
     assert 'torque_fraction: 0.97' in text
     vector = np.radians([60.0, -30.0, 60.0])
     bound = bang_bang_time_s(config, vector / (np.pi / 2), np.pi / 2)

@@ -139,6 +139,9 @@ def _rows(best: Trial, hardest: Outcome, times_s: np.ndarray) -> list[tuple[str,
          f'{np.degrees(weights.torque_angle_rad):.3g} deg does'),
         ('slews', f'by a profile of {100 * weights.torque_fraction:g} % of torque and rate limits'
          if weights.torque_fraction else 'aimed at the setpoint, quicker than by a profile'),
+        ('rate limits', 'kept between samples too: plans stay within them by '
+         f'{100 * max(max(each.values()) for each in config.rate_margins):.2g} % at most'
+         if config.keep_rate_between_samples else 'kept at samples, not proved between them'),
         ('rate weight', f'(damping {weights.damping:g} x half turn)^2'),
         ('hardest slew', f'{hardest.slew.text}: {_settled(hardest)}, '
          f'{100 * hardest.peak_torque:.0f} % of the torque'),
