@@ -37,9 +37,9 @@ class Zonotope:
     normals: Array
     bounds: Array
 
-    def gauge(self, vector_B: Array) -> float:
-        """Return the least s with ``vector`` in s times the set: at most 1 inside."""
-        return float(np.max(np.abs(self.normals @ vector_B) / self.bounds))
+    def gauge(self, vectors_B: Array) -> float:
+        """Return the least s with (3,) or (3, m) vectors in s times the set: at most 1 inside."""
+        return float(np.max(np.abs(self.normals @ vectors_B).T / self.bounds))
 
     @property
     def box(self) -> Array:

@@ -32,12 +32,14 @@ def null_room(wheels: WheelArray, stored_B: Array, step_s: float) -> tuple[Array
     fits, short = _interval(base[:, used], line[used], wheels.max_momentum_n_m_s[used])
     moves, slow = _interval(np.diff(base[:, used], axis=0), line[used],
                             step_s * wheels.max_torque_n_m[used])
-    gap, room = max(short, slow), fits.copy()
-    for k in range(len(moves) - 1, -1, -1):
-        before = room[k + 1] - moves[k, ::-1]
-        room[k] = np.clip(before, *fits[k])
-        gap = max(gap, before[0] - fits[k, 1], fits[k, 0] - before[1])
-    return room, float(gap)
+    gap = max(short, slow)
+    (low, high), room = fits[-1], [fits[-1]]
+    for (least, most), (down, up) in zip(fits[-2::-1].tolist(), moves[::-1].tolist()):
+        low, high = low - up, high - down
+        gap = max(gap, low - most, least - high)
+        low, high = min(max(low, least), most), min(max(high, least), most)
+        room.append((low, high))
+    return np.array(room[::-1]), gap
 
 
 def _interval(base: Array, line: Array, limit: Array) -> tuple[Array, float]:

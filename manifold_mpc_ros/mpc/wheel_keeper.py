@@ -15,7 +15,7 @@ from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.compiled import CompiledMpc
 from manifold_mpc_ros.mpc.scaling import scaling_of
-from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution
+from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
 from manifold_mpc_ros.mpc.stages.wheel_limits import Wheels
 from manifold_mpc_ros.terminal.design import TerminalDesign
 
@@ -89,9 +89,9 @@ class WheelKeeper:
     def motor_torques(self, plan: AttitudeMpcSolution) -> Array:
         """Return motor torques (n,) of a plan's first step [N m] that leave its rest possible.
 
-        As much of the torque as the wheels can give in this state, in its direction. After a plan
-        of four wheels whose rest is not possible, plans keep to what wheels give whose null space
-        rests, until they use little of it: docs/theory.md, section 15.
+        As much of the torque as the wheels can give in this state; none of a failed one. After a
+        plan of four wheels whose rest is not possible, plans keep to what wheels give whose null
+        space rests, until they use little of it: docs/theory.md, section 15.
 
         Raises ConfigurationError without wheels.
         """
@@ -99,6 +99,8 @@ class WheelKeeper:
         J, h = self._config.inertia_kg_m2, self._config.step_s
         if wheels is None:
             raise ConfigurationError('wheel_momentum_n_m_s', momentum, 'None without wheels')
+        if plan.status is SolveStatus.FAILED:
+            return np.zeros(len(wheels))
         allocation = WheelAllocation(
             wheels, J, h, plan.omega_BN_B[0], momentum, plan.torque_B_n_m)
         part = allocation.part()
@@ -112,7 +114,7 @@ class WheelKeeper:
         nu = float(wheels.null_basis[:, 0] @ momentum)
         lacking = max(gap, room[0, 0] - nu, nu - room[0, 1])
         self._held = (
-            max(map(wheels.held(wheels.max_torque_n_m).gauge, np.diff(kept, axis=0) / h)) > _UNUSED
+            wheels.held(wheels.max_torque_n_m).gauge(np.diff(kept, axis=0).T / h) > _UNUSED
             if self._held else lacking > _LACKING * float(wheels.max_momentum_n_m_s.min()))
         return allocation.leading_into(room[1], part)
 

@@ -217,5 +217,10 @@ def test_motor_torques_are_those_of_the_first_torque(with_wheels: AttitudeMpc) -
     np.testing.assert_allclose(allocation.realised(plan.wheel_torque_n_m),
                                allocation.part() * plan.torque_B_n_m, atol=1e-15)
     assert with_wheels.solve(R, omega).wheel_torque_n_m is None
+    for rate in (np.full(3, np.nan), np.array([1e300, 0.0, 0.0])):
+        failed = with_wheels.solve(R, rate, wheel_momentum_n_m_s=STORED)
+        assert failed.status == SolveStatus.FAILED
+        assert failed.wheel_torque_n_m is not None
+        assert not failed.wheel_torque_n_m.any()
     with pytest.raises(ConfigurationError, match='wheel_momentum_n_m_s'):
         with_wheels.solve(R, omega, wheel_momentum_n_m_s=np.zeros(3))
