@@ -8,10 +8,12 @@ import json
 import math
 from pathlib import Path
 
+import numpy as np
 from synthetic import START_NS, diagnostics, odometry, raw, tick_messages, write_bag
 
 from manifold_mpc_ros.lab.recording.bags.run import read_run
-from manifold_mpc_ros.lab.report.histories import histories
+from manifold_mpc_ros.lab.recording.bags.series import MOTOR_TORQUE
+from manifold_mpc_ros.lab.report.histories import SATURATION, device_histories, histories
 from manifold_mpc_ros.lab.report.verb import write_report
 
 
@@ -44,3 +46,19 @@ def test_what_diagnostics_say_of_devices_is_drawn(tmp_path: Path) -> None:
     titles = [figure.layout[f'yaxis{row}'].title.text for row in (6, 7, 8)]
     assert titles == list(run.ticks.devices)
     assert sum(trace.name == 'wheel_a' for trace in figure.data) == 2
+
+
+def test_how_saturated_wheels_are_is_drawn_beside_what_they_do() -> None:
+    run = read_run(Path(__file__).parent / 'golden' / 'wheels.mcap')
+    assert run.scenario is not None
+    config = run.scenario.controller_config.mpc
+    devices = device_histories(run, config)
+    assert list(devices) == [*run.ticks.devices, SATURATION]
+    assert config.wheels is not None
+    for i, (name, parts) in enumerate(devices[SATURATION].items()):
+        torque = np.abs(devices[MOTOR_TORQUE][name]) / config.wheels.max_torque_n_m[i]
+        assert (parts >= torque)[np.isfinite(parts)].all()
+        assert 0.0 < np.nanmax(parts) <= 1.0 + 1e-9
+    figure = histories(run)
+    titles = [axis.title.text for axis in figure.select_yaxes()]
+    assert SATURATION in titles

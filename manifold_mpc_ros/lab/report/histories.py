@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from plotly.subplots import make_subplots
 
 from manifold_mpc_ros.cli.plot_style import AXIS_COLOURS, AXIS_NAMES, INK, LIMIT_COLOUR
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
+from manifold_mpc_ros.config.wheels import WheelArray
 from manifold_mpc_ros.lab.recording.bags import measures
 from manifold_mpc_ros.lab.recording.bags.cones import cone_histories
 from manifold_mpc_ros.lab.recording.bags.run import BagRun
@@ -23,6 +24,8 @@ from manifold_mpc_ros.lab.report.plot_cones import margins_deg
 from manifold_mpc_ros.lie.arrays import Array
 
 PANEL_PX = 186
+#: The panel that says how much of their torque or momentum wheels use.
+SATURATION = 'saturation of wheels [1]'
 #: Between two panels, in panels.
 GAP = 0.14
 #: Colours of runs that are compared, told apart by colour-blind readers (Okabe and Ito).
@@ -42,8 +45,8 @@ _TICKS_MS = [mantissa * 10.0 ** exponent for exponent in range(-3, 5) for mantis
 
 def histories(run: BagRun) -> go.Figure:
     """Return error, rate, torque, solver, value, cones, devices and motion of one run."""
-    cones, devices = cone_histories(run), run.ticks.devices
     config = None if run.scenario is None else run.scenario.controller_config.mpc
+    cones, devices = cone_histories(run), device_histories(run, config)
     further = _motion(run, config)
     figure = _panels(f'{_target(run)} error [deg]', 'body rate [rad/s]', 'torque [N m]',
                      'solve time [ms]', 'value function', *['cone margin [deg]'][:len(cones)],
@@ -75,7 +78,10 @@ def histories(run: BagRun) -> go.Figure:
     if cones:
         _level(figure, 6, 0.0, 'limit')
     first = 7 if cones else 6
-    _devices(figure, first, run, config)
+    for row, (quantity, named) in enumerate(devices.items(), start=first):
+        for (name, each), colour in zip(named.items(), itertools.cycle(RUN_COLOURS)):
+            _line(figure, row, measures.tick_times_s(run), each, name, colour, shape='hv')
+        _wheel_limits(figure, row, quantity, None if config is None else config.wheels)
     first += len(devices)
     for row, curves in enumerate(further.values(), start=first):
         for (name, values), colour in zip(curves.items(), (*AXIS_COLOURS, INK)):
@@ -86,18 +92,34 @@ def histories(run: BagRun) -> go.Figure:
     return figure
 
 
-def _devices(
-    figure: go.Figure, first: int, run: BagRun, config: AttitudeMpcConfig | None,
-) -> None:
-    """Add what the devices did, from a panel on, with the limits of wheels."""
-    for row, (quantity, named) in enumerate(run.ticks.devices.items(), start=first):
-        for (name, each), colour in zip(named.items(), itertools.cycle(RUN_COLOURS)):
-            _line(figure, row, measures.tick_times_s(run), each, name, colour, shape='hv')
-        wheels = None if config is None else config.wheels
-        if wheels is not None and quantity == MOTOR_TORQUE:
-            _limits(figure, row, wheels.max_torque_n_m)
-        elif quantity == WHEEL_SPEED and wheels and wheels.inertia_kg_m2 is not None:
-            _limits(figure, row, wheels.max_momentum_n_m_s / wheels.inertia_kg_m2)
+def device_histories(run: BagRun, config: AttitudeMpcConfig | None
+                     ) -> dict[str, Mapping[str, Array]]:
+    """Return what the devices did by quantity and name, how saturated wheels were among it.
+
+    That is the larger part of motor torque and momentum, of the rate in the body.
+    """
+    devices = dict(run.ticks.devices)
+    wheels = None if config is None else config.wheels
+    said = [devices.get(quantity, {}) for quantity in (MOTOR_TORQUE, WHEEL_SPEED)]
+    if wheels and wheels.inertia_kg_m2 is not None and all(
+            set(wheels.names) <= set(each) for each in said):
+        torque, speed = (np.array([each[name] for name in wheels.names]).T for each in said)
+        parts = np.maximum(np.abs(torque) / wheels.max_torque_n_m, np.abs(
+            speed * wheels.inertia_kg_m2) / wheels.max_momentum_n_m_s)
+        devices[SATURATION] = dict(zip(wheels.names, parts.T))
+    return devices
+
+
+def _wheel_limits(figure: go.Figure, row: int, quantity: str, wheels: WheelArray | None) -> None:
+    """Add the limits of what wheels do to a panel, where there are any."""
+    if wheels is None:
+        return
+    if quantity == MOTOR_TORQUE:
+        _limits(figure, row, wheels.max_torque_n_m)
+    elif quantity == WHEEL_SPEED and wheels.inertia_kg_m2 is not None:
+        _limits(figure, row, wheels.max_momentum_n_m_s / wheels.inertia_kg_m2)
+    elif quantity == SATURATION:
+        _level(figure, row, 1.0, 'limit')
 
 
 def _motion(run: BagRun, config: AttitudeMpcConfig | None) -> dict[str, dict[str, Array]]:
