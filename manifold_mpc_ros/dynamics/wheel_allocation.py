@@ -164,7 +164,10 @@ class WheelAllocation:
                              else self._balanced(), _NULL_STEPS)
 
     def _least(self, demand: Array) -> Array:
-        """Return u with ``W u = demand`` and the least s of ``s low <= u <= s high``."""
+        """Return u with ``W u = demand`` and the least s of ``s low <= u <= s high``.
+
+        Or some u beyond the limits.
+        """
         W, n = self._wheels.matrix, len(self._wheels)
         used = np.flatnonzero(self._wheels.available)
         if len(used) == 3:
@@ -182,6 +185,8 @@ class WheelAllocation:
         found = linprog(np.append(np.zeros(k), 1.0), A_ub=limits, b_ub=np.zeros(2 * k),
                         A_eq=np.hstack([W[:, used] * scale, np.zeros((3, 1))]) / size,
                         b_eq=demand / size, bounds=[(None, None)] * k + [(0, None)])
+        if found.x is None:  # a wheel that is full has next to no room on one side
+            return self._wheels.inverse @ demand
         motor = np.zeros(n)
         motor[used] = scale * found.x[:k]
         return motor + self._wheels.inverse @ (demand - W @ motor)

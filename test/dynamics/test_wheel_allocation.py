@@ -102,6 +102,21 @@ def test_the_null_space_turns_nothing_and_breaks_no_limit(n: int, null_space: st
     assert (moved > 1e-9) == (n > 3)
 
 
+@pytest.mark.parametrize('n', [4, 5, 6])
+def test_the_nearest_torque_is_given_where_wheels_are_full(n: int) -> None:
+    rng = np.random.default_rng(30 + n)
+    for _ in range(15):
+        array = WheelArray(rng.normal(size=(n, 3)), rng.uniform(1, 2, n) * 1e-3, 1e-2)
+        full = rng.choice([-1e-2, 1e-2], n) * np.where(rng.uniform(size=n) < 0.5, 1.0, 0.3)
+        allocation = WheelAllocation(
+            array, INERTIA, 2.0, 0.05 * rng.normal(size=3), full, 1.5e-3 * rng.normal(size=3))
+        motor = allocation._most(1.0)
+        if np.abs(array.matrix @ motor - allocation.demand()).max() > 1e-12:
+            assert_nearest(allocation, array, motor)
+        assert (motor <= allocation.high * (1 + 1e-9)).all()
+        assert (motor >= allocation.low * (1 + 1e-9)).all()
+
+
 def settled(null_space: str, momentum: np.ndarray) -> np.ndarray:
     """Return the momenta after a long time without a torque, the body at rest."""
     array = wheels(null_space=null_space)
