@@ -22,6 +22,7 @@ from manifold_mpc_ros.lab.domain import domain
 from manifold_mpc_ros.lab.domain import states as domain_states
 from manifold_mpc_ros.lab.domain.domain import NONE, Domain, Round, Settings, smallest_horizons
 from manifold_mpc_ros.lab.domain.feasibility import Feasibility
+from manifold_mpc_ros.lab.domain.picture import smoothed
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
@@ -265,3 +266,11 @@ def test_a_plan_keeps_the_cones_and_from_inside_there_is_none() -> None:
         assert (search.plan(inside, np.zeros(3)) is None) == bool(config.cones)
     assert least[0] < -0.1
     assert least[1] >= 0.0
+
+
+def test_no_colour_lies_between_a_horizon_and_none_at_all() -> None:
+    field = np.full((9, 9), 12.0)
+    field[:, 5:], field[0, 0] = NONE, np.nan
+    horizons, outside = smoothed(field)
+    np.testing.assert_allclose(horizons[:, :7], 12.0)
+    np.testing.assert_array_equal(outside > 0.5, field == NONE)

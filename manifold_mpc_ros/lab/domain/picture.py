@@ -82,14 +82,18 @@ def raster(plane: Plane, domain: Domain) -> tuple[Array, Array]:
     return np.linspace(-np.pi, np.pi, resolution), field
 
 
-def smoothed(field: Array) -> Array:
-    """Return a raster without its steps, for drawing: a Gaussian mean over about one cell.
+def smoothed(field: Array) -> tuple[Array, Array]:
+    """Return a raster without its steps, for drawing, and which part of it is without any plan.
 
-    Off the disc the mean goes on; a raster with states without any plan stays as it is.
+    Gaussian means over about one cell: of the smallest N of states that have one, and of states
+    without (1) among all. Off the disc they go on.
     """
-    known = np.isfinite(field)
-    if np.any(field == NONE):
-        return np.where(known, field, NONE)
-    weight = gaussian_filter(known.astype(float), SMOOTHING_CELLS)
-    total = gaussian_filter(np.where(known, field, 0.0), SMOOTHING_CELLS)
+    known, none = np.isfinite(field), field == NONE
+    return _mean(field, known & ~none), _mean(none, known)
+
+
+def _mean(values: Array, among: Array) -> Array:
+    """Return a Gaussian mean of those values that count."""
+    weight = gaussian_filter(among.astype(float), SMOOTHING_CELLS)
+    total = gaussian_filter(np.where(among, values, 0.0), SMOOTHING_CELLS)
     return np.asarray(total / np.maximum(weight, 1e-9))

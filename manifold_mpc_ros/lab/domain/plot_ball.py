@@ -14,7 +14,8 @@ from scipy.interpolate import RegularGridInterpolator
 from scipy.spatial import KDTree
 
 from manifold_mpc_ros.cli.plot_style import AXIS_COLOURS, INK
-from manifold_mpc_ros.lab.domain.picture import Picture, raster
+from manifold_mpc_ros.lab.domain.domain import NONE
+from manifold_mpc_ros.lab.domain.picture import Picture, raster, smoothed
 from manifold_mpc_ros.lie.arrays import Array, IntArray
 
 # The octant towards the viewer, by the signs of x, y and z, and from where it is seen.
@@ -41,11 +42,12 @@ def draw_ball(axes: Axes3D, picture: Picture) -> None:
         _add(axes, cells, _shaded(picture, _at(nearest, horizons, cells), cells), 1)
     for plane, domain in picture.planes:
         along, field = raster(plane, domain)
-        value = RegularGridInterpolator((along, along), np.nan_to_num(field, nan=-1.0))
+        value, none = (RegularGridInterpolator((along, along), each) for each in smoothed(field))
         cells = _quarter_cells()
         signs = OCTANT @ plane.axes
         where = np.pi * cells.mean(axis=1) * signs
-        _add(axes, cells * signs @ plane.axes.T, picture.rgba(value(where)), 2)
+        _add(axes, cells * signs @ plane.axes.T, picture.rgba(
+            np.where(none(where) > 0.5, NONE, value(where))), 2)
         edge = picture.section(plane.axes)
         edge = edge[np.all(edge * signs >= -1e-9, axis=1)]
         axes.plot(*(edge @ plane.axes.T / np.pi).T, color=INK, linewidth=1.6, zorder=6)
@@ -115,12 +117,14 @@ def _corners(points: Array) -> Array:
 
 
 def _at(nearest: KDTree, horizons: IntArray, cells: Array) -> Array:
-    """Return the smallest N at the middle of each cell, from its neighbours."""
+    """Return the smallest N at the middle of each cell, from its neighbours; NONE like most."""
     middle = cells.mean(axis=1)
     middle /= np.linalg.norm(middle, axis=1, keepdims=True)
     distance, index = nearest.query(middle, k=_NEIGHBOURS)
-    weight = 1 / (distance + 1e-9)
-    return np.asarray((weight * horizons[index]).sum(axis=1) / weight.sum(axis=1))
+    weight, inside = 1 / (distance + 1e-9), horizons[index] != NONE
+    part = (weight * inside).sum(axis=1)
+    mean = (weight * inside * horizons[index]).sum(axis=1) / np.maximum(part, 1e-9)
+    return np.asarray(np.where(part < 0.5 * weight.sum(axis=1), NONE, mean))
 
 
 def _shaded(picture: Picture, horizons: Array, cells: Array) -> Array:

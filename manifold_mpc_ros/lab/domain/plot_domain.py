@@ -53,16 +53,16 @@ def draw_plane(axes: Axes, picture: Picture, plane: Plane, domain: Domain) -> No
     """Draw one plane of the chart: smallest N by colour, the terminal set by its edge."""
     along, field = raster(plane, domain)
     degrees = np.degrees(along)
-    filled = smoothed(field)
-    levels = np.arange(-1, picture.largest + 1) - 0.5
-    colours = [OUTSIDE_COLOUR, *picture.rgba(np.arange(picture.largest + 1))]
-    regions = axes.contourf(degrees, degrees, filled.T, levels=[-1.5, *levels[1:], 1e3],
-                            colors=colours)
-    lines = axes.contour(degrees, degrees, filled.T, levels=levels[1:], colors=HALO,
-                         linewidths=0.5)
+    filled, outside = smoothed(field)
+    levels = np.arange(picture.largest + 1) - 0.5
+    regions = axes.contourf(degrees, degrees, filled.T, levels=[*levels, 1e3],
+                            colors=picture.rgba(np.arange(picture.largest + 1)))
+    lines = axes.contour(degrees, degrees, filled.T, levels=levels, colors=HALO, linewidths=0.5)
+    none = axes.contourf(degrees, degrees, outside.T, levels=[0.5, 1.5], colors=[OUTSIDE_COLOUR],
+                         zorder=3)
     rim = Circle((0.0, 0.0), 180.0, fill=False, edgecolor=INK, linewidth=1.0, zorder=4)
     axes.add_patch(rim)
-    for drawn in (regions, lines):
+    for drawn in (regions, lines, none):
         drawn.set_clip_path(rim)
     _draw_section(axes, picture, plane)
     axes.set_aspect('equal')
