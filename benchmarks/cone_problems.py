@@ -8,7 +8,7 @@
 Problem i comes from the generator of seed (12, i): 1 to 4 cones of 1 to 3 boresights, start and
 target that keep them by 0.1 rad, such that the straight way from one to the other crosses a cone.
 From problem 2000 on there are 1 or 2 such cones, and a group of 2 to 4 Sun sensors of which any
-one has to see the Sun.
+one has to see the Sun; start and target keep the tightened ones by as much.
 The first command appends the costs of IPOPT from so many starts, a line a problem, and goes on
 where it was stopped. The second solves the problems of such a file, integrates every plan 50 times
 finer, and closes loops; of problems with groups alone the result is a part of the file that is
@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from manifold_mpc_ros import AttitudeMpc, AttitudeMpcConfig, AttitudeMpcSolution, Cone
-from manifold_mpc_ros.config.cones import joined
+from manifold_mpc_ros.config.cones import alone, joined, tightened
 from manifold_mpc_ros.lab.benchmark.constrained.oracle import ConeOracle, starts
 from manifold_mpc_ros.lab.benchmark.constrained.plant import Bodies
 from manifold_mpc_ros.lab.campaign.random_cones import random_cones, straight_way
@@ -87,6 +87,12 @@ def problem(index: int) -> Problem:
         omega = rng.uniform(-0.1, 0.1, 3)
         way = straight_way(R_NB, R_ND)
         margins = np.min(list(margins_rad(cones, way).values()), axis=0)
+        if index >= PLAIN:
+            kept = alone(tightened(cones, AttitudeMpcConfig(**BODY).between_samples,
+                                   [0.0] * len(cones)))
+            ends = np.min(list(margins_rad(kept, way[[0, -1]]).values()))
+            if ends < LEAST_RAD:
+                continue
         if margins[[0, -1]].min() > LEAST_RAD and margins.min() < 0.0:
             return Problem(AttitudeMpcConfig(**BODY, cones=cones), R_NB, omega, R_ND)
 

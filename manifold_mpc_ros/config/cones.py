@@ -25,8 +25,8 @@ _GRID, _REFINED = 2000, 8
 # A round that gains less than this part of its turns makes them smaller.
 _GAIN = 0.1
 _REPEATED = 5
-#: Cones in a group at most.
-MOST_MEMBERS = 4
+#: Cones in a group at most, and the power of the mean that nodes keep of it.
+MOST_MEMBERS, MEAN_POWER = 4, 32
 _VALID_ANGLE = 'an angle above 0 and below pi rad (180 degrees)'
 
 
@@ -168,6 +168,18 @@ def tightened(given: Sequence[Cone], between: Between, moved: Sequence[float]
     return tuple(each.tightened(between, shift) for each, shift in zip(given, moved))
 
 
+def alone(kept: Sequence[Cone]) -> tuple[Cone, ...]:
+    """Map kept cones to those of which one by itself makes the mean of its group 1 or more.
+
+    With ``1 + cos theta' = n^(1/32) (1 + cos theta)`` of n members, docs/theory.md (24a); a member
+    that cannot do it has a cone of next to nothing.
+    """
+    sizes = {name: len(members) for name, members in groups(kept).items()}
+    return tuple(each if each.group is None else replace(each, half_angle_rad=float(max(
+        1e-9, np.arccos(min(1.0, sizes[each.group] ** (1.0 / MEAN_POWER) * (
+            1.0 + np.cos(each.half_angle_rad)) - 1.0))))) for each in kept)
+
+
 def cone_names(values: Mapping[str, Any]) -> list[str]:
     """Return the names of the cones among a controller's checked parameters."""
     return [name for name in values.get('cones.names', ()) if name]
@@ -194,6 +206,7 @@ def check_target(given: Sequence[Cone], key: str, target: str) -> None:
 
     Raises ConfigurationError with the angle that is missing.
     """
+    given = alone(given)
     margins = np.array([each.margins_rad(np.eye(3)) for each in given]).reshape(len(given))
     for name, margin in joined(given, margins).items():
         if margin < 0.0:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from manifold_mpc_ros.config.cones import Cone, joined
+from manifold_mpc_ros.config.cones import Cone, alone, joined
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.errors import DesignError
 from manifold_mpc_ros.lie.arrays import Array
@@ -30,9 +30,10 @@ def target_margins_rad(config: AttitudeMpcConfig, kept: Sequence[Cone], R_ND: An
                        directions_N: Any = None) -> dict[str, float]:
     """Return by which angle a target keeps each cone or group [rad], over directions (k, n, 3).
 
+    A group by a member that makes its mean 1 or more by itself, as nodes keep the mean.
     A pointing target leaves the roll free: cones of other axes than its own do not count (inf).
     """
-    R = np.eye(3) if R_ND is None else np.asarray(R_ND)
+    R, kept = np.eye(3) if R_ND is None else np.asarray(R_ND), alone(kept)
     s = np.array([[each.direction_N for each in kept]]) if directions_N is None else directions_N
     counts = [config.target == 'attitude'
               or abs(float(config.pointing_axis_B @ each.axis_B)) > 1.0 - 1e-12 for each in kept]

@@ -15,6 +15,7 @@ from strategies import generator, unit_vectors
 from manifold_mpc_ros.config.cones import (
     Between,
     Cone,
+    alone,
     best_margin_rad,
     between_samples,
     directions,
@@ -166,12 +167,17 @@ def test_a_first_setpoint_in_a_cone_is_refused_with_the_angle_that_is_missing() 
 
 
 def test_the_mean_of_a_group_is_no_more_than_its_best_member() -> None:
-    """So a plan that keeps the mean keeps a cone, and one of a group is as if it were alone."""
+    """So a plan that keeps the mean keeps a cone; and one that is kept alone makes the mean 1."""
     rng = generator('group')
     shares = rng.uniform(0.0, 2.0, size=(1000, 3))
     mean = np.mean(shares ** 32, axis=1) ** (1 / 32)
     assert (mean <= shares.max(axis=1)).all()
     assert (mean >= 0.96 * shares.max(axis=1)).all()
+    given = [Cone(name, (1, 0, 0), (0, 0, 1), angle, 'keep_in', 'any')
+             for name, angle in (('a', 1.0), ('b', 1.5), ('c', 0.1))]
+    for each, other in zip(given, alone(given)):
+        share = (1.0 + np.cos(other.half_angle_rad)) / (1.0 + np.cos(each.half_angle_rad))
+        assert share == pytest.approx(3 ** (1 / 32)) or other.half_angle_rad < 1e-8
 
 
 @pytest.mark.parametrize('arc', [0.0, 0.01])

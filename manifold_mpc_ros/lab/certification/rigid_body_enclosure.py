@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from flint import arb, arb_mat
 
-from manifold_mpc_ros.config.cones import Cone
+from manifold_mpc_ros.config.cones import Cone, alone
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.dynamics import scalar_form
 from manifold_mpc_ros.lab.certification.enclosure import (
@@ -249,12 +249,12 @@ def _newton(m: list[float], inertia: scalar_form.Matrix) -> scalar_form.Vector:
 def cone_radii(config: AttitudeMpcConfig) -> dict[str, arb]:
     """Return the angle by which the identity keeps each cone or group that counts, as balls.
 
-    A group has that of the member that keeps most. Cones are those that nodes keep.
+    A group has that of the member that keeps most, by itself. Cones are those that nodes keep.
     """
     if not config.cones:
         return {}
-    kept, found = config.kept_cones, {}
-    for name, margin in target_margins_rad(config, kept).items():
+    kept, found = alone(config.kept_cones), {}
+    for name, margin in target_margins_rad(config, config.kept_cones).items():
         members = [each for each in kept if name in (each.name, each.group)]
         best = max(members, key=lambda each: float(each.margins_rad(np.eye(3))))
         if np.isfinite(margin):
