@@ -117,7 +117,7 @@ def main() -> int:
                 if key == 'cortex-m7':
                     report['cortex_m7'][f'N = {horizon}'] = {
                         **sizes(target, here),
-                        'memory_bytes': 8 * memory_doubles(structure, horizon),
+                        'memory_bytes': 8 * memory_doubles(config, structure),
                         'instructions': instructions(found),
                         'bound_statements': bounds(structure, config)._asdict()}
             arguments.output.write_text(json.dumps(report, indent=2) + '\n', encoding='utf-8')

@@ -13,14 +13,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from manifold_mpc_ros.config.cones import directions, tightened
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.backends.build import load_library
 from manifold_mpc_ros.mpc.compiled import CompiledMpc
-from manifold_mpc_ros.mpc.cone_keeper import ConeKeeper
-from manifold_mpc_ros.mpc.program.numbers import numbers_of
-from manifold_mpc_ros.mpc.reference import LEAST_SHARE, Reference, Shares
+from manifold_mpc_ros.mpc.reference import Reference
 from manifold_mpc_ros.mpc.scaling import scaling_of
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus, failed
 from manifold_mpc_ros.mpc.stages.inequalities import structure_of
@@ -74,9 +73,7 @@ class AttitudeMpc:
         self.terminal: TerminalDesign = terminal or stored_design(config, cache_dir)
         self._unit = scaling_of(config)
         self._tracked = self._acting = False
-        self._disturbance, self._acting_share = np.zeros(3), [0.0] * 3
-        self._still = self._reference = Reference.fixed(_IDENTITY, config.horizon)
-        self._shares, self._R_ND = Shares(config), _IDENTITY
+        self._disturbance = np.zeros(3)
         self.backend = 'c'
         self._build(backend, cache_dir, disturbed=disturbed, moving=moving)
 
@@ -85,18 +82,11 @@ class AttitudeMpc:
         """Load the solver and allocate its memory."""
         config, self._disturbed, self._moving = self.config, disturbed, moving
         structure = structure_of(config, disturbed=disturbed, moving=moving)
-        library = load_library(structure, backend, cache_dir)
-        self.solver = CompiledMpc(library, structure, config, numbers_of(
-            config.planned, self.terminal, self.terminal.c, structure))
+        self.solver = CompiledMpc(load_library(structure, backend, cache_dir), structure, config,
+                                  self.terminal)
         self._build_again = functools.partial(self._build, backend, cache_dir)
-        self._cones = ConeKeeper(config, self.terminal, self.solver)
-        self._wheels = WheelKeeper(config, self.terminal, self.solver)
-        self._cones.aim(self._R_ND)
+        self._wheels = WheelKeeper(config, self.solver)
         self.solver.disturb(self._disturbance)
-        if moving:
-            self._follow()
-        if self._tracked:
-            self.solver.set_rate_limits(config.within_rate_margins)
 
     def reset(self) -> None:
         """Forget the warm start; the next solve searches globally."""
@@ -144,11 +134,13 @@ class AttitudeMpc:
         if disturbance_B_n_m is not None or self._acting:
             self._disturb(disturbance_B_n_m)
         if self.config.cones or directions_N:
-            self._cones.set_directions(directions_N)
-        if reference is not None or self._moving:
-            R_ND = self._track(reference, np.asarray(R_NB, dtype=float), R_ND)
-        state = _checked(R_NB, omega_BN_B, R_ND)
-        answer = self._answer(*state, wheel_momentum_n_m_s, begin, deadline_s)
+            self._aim_cones(directions_N)
+        if self.config.wheels is not None:
+            self._wheels.tell(wheel_momentum_n_m_s)
+        state = _checked(R_NB, omega_BN_B, R_ND if reference is None else reference.R_ND[0])
+        if reference is not None or self._tracked:
+            state = (*state[:2], self._track(reference, *state[::2]))
+        answer = self._answer(*state, begin, deadline_s)
         if reference is not None:
             self.solver.foresee(reference.R_ND[1])
         return answer if wheel_momentum_n_m_s is None else answer._replace(
@@ -157,17 +149,11 @@ class AttitudeMpc:
     def solve_local(self, R_NB: ArrayLike, omega_BN_B: ArrayLike) -> AttitudeMpcSolution:
         """Map a measured state to the plan of one cold start, the short way; for measuring."""
         begin, state = time.perf_counter(), _checked(R_NB, omega_BN_B, None)
-        return self._answer(*state, None, begin, math.inf, local=True)
+        return self._answer(*state, begin, math.inf, local=True)
 
-    def _answer(self, R_NB: Array, omega: Array, R_ND: Array,
-                wheel_momentum_n_m_s: ArrayLike | None, begin: float, deadline_s: float, *,
+    def _answer(self, R_NB: Array, omega: Array, R_ND: Array, begin: float, deadline_s: float, *,
                 local: bool = False) -> AttitudeMpcSolution:
         """Return the solver's answer to a state."""
-        if self.config.cones:
-            self._aim(R_NB, omega, R_ND)
-        if self.config.wheels is not None:
-            self._cones.leave(self.terminal_share * self._wheels.hold(
-                wheel_momentum_n_m_s, R_NB, omega, R_ND, self._disturbance))
         head, torques, attitudes, rates = self.solver.answer(
             R_NB, omega, R_ND, deadline_s, local=local)
         status, passes, searched, cost, residual, violation, promised, ratio, local_s = head
@@ -180,11 +166,6 @@ class AttitudeMpc:
             searched != 0.0, promised, ratio, local_s, None,
             self.limits_used if self._acting or self._tracked else 0.0)
 
-    @property
-    def target_margins_rad(self) -> dict[str, float]:
-        """By which angle the commanded attitude keeps each cone [rad]; negative: it is missing."""
-        return self._cones.target_margins_rad
-
     def _disturb(self, disturbance_B_n_m: ArrayLike | None) -> None:
         """Plan in the net torque under this disturbance (3,) [N m] from now on."""
         limit = self.config.max_torque_n_m
@@ -193,66 +174,45 @@ class AttitudeMpc:
         if d.shape != (3,) or not (np.abs(d) < bound).all():
             raise ConfigurationError('disturbance_B_n_m', d.tolist(),
                                      '3 finite numbers, each below the torque limit')
-        changed, self._disturbance = not np.array_equal(d, self._disturbance), d
-        self._acting, self._acting_share = bool(d.any()), (np.abs(d) / bound).tolist()
-        if limit is not None and changed:
-            if not self._disturbed:
-                self._build_again(disturbed=True, moving=self._moving)
-            self._cones.leave(self.terminal_share)
+        self._disturbance, self._acting = d, bool(d.any())
+        if limit is not None and self._acting and not self._disturbed:
+            self._build_again(disturbed=True, moving=self._moving)
         self.solver.disturb(d)
 
-    def _track(self, reference: Reference | None, R_NB: Array, R_ND: ArrayLike | None
-               ) -> ArrayLike | None:
-        """Plan about a reference from now on; return its first attitude, R_ND without one."""
-        if reference is None and not self._tracked:
-            return R_ND
+    def _aim_cones(self, directions_N: Mapping[str, ArrayLike] | None) -> None:
+        """Set directions of cones by name; the configuration's for all others."""
+        cones = self.config.cones
+        given = directions(cones, directions_N, self.config.horizon) if directions_N else None
+        lost = self.solver.set_directions(given)
+        if lost is not None and given is not None:
+            moved = np.linalg.norm(np.diff(given, axis=0), axis=-1).max(axis=0)
+            tightened(cones, self.config.between_samples, moved.tolist())  # raises, naming it
+
+    def _track(self, reference: Reference | None, R_NB: Array, R_ND: Array) -> Array:
+        """Plan about a reference from now on, or about none; return what is commanded."""
         if self.config.horizon_s:
             raise ConfigurationError('reference', 'given', 'None with horizon_s')
-        begins = self._tracked != (reference is not None)
-        self._tracked = reference is not None
-        if reference is not None and self.config.target == 'pointing' and R_NB.shape == (3, 3):
-            reference = reference.rolled(self.config.pointing_axis_B, R_NB)
-        if reference is not None and len(reference.R_ND) != self.config.horizon + 1:
-            raise ConfigurationError(
-                'reference', len(reference.R_ND),
-                f'{self.config.horizon + 1} nodes, one more than the horizon')
-        self._reference = reference or self._still
+        n = self.config.horizon
+        if reference is not None and len(reference.R_ND) != n + 1:
+            raise ConfigurationError('reference', len(reference.R_ND),
+                                     f'{n + 1} nodes, one more than the horizon')
         if not self._moving:
             self._build_again(disturbed=self._disturbed, moving=True)
-        elif begins:
-            self.solver.set_rate_limits(
-                self.config.within_rate_margins if self._tracked else self.config.planned)
-        self._follow()
-        self._cones.leave(self.terminal_share)
-        return R_ND if reference is None else reference.R_ND[0]
-
-    def _follow(self) -> None:
-        """Hand the reference to the solver, and take what it uses of the limits."""
-        R_ND, omega = self._reference.R_ND, self._reference.omega_DN_D
-        self._shares.see(omega, self.solver.set_reference(R_ND, omega), moving=self._tracked)
-
-    def _aim(self, R_NB: Array, omega: Array, R_ND: Array) -> None:
-        """Say which attitude is commanded with a state, as long as it can be used."""
-        if not np.array_equal(R_ND, self._R_ND) and self.solver.set_state(
-                R_NB, R_ND, omega * self._unit.time_s) is not None:
-            self._R_ND = R_ND.copy()
-            self._cones.aim(self._R_ND)
+        self._tracked = reference is not None
+        return self.solver.set_reference(R_NB, R_ND, reference)
 
     @property
     def limits_used(self) -> float:
         """The largest part of a torque or rate limit that disturbance and reference use."""
-        return max(self._shares.rate, *(
-            each + acting for each, acting in zip(self._shares.torque, self._acting_share)))
+        return self.solver.limits_used
 
     @property
     def terminal_share(self) -> float:
-        """The part of the terminal level that they leave; of less than the least, no promise.
+        """The part of the terminal level that they and wheels leave; of the least no promise.
 
         A reference that is at rest at the end of the horizon uses nothing of the limits there.
         """
-        used = max(self._acting_share) if self._shares.rests else self.limits_used
-        left = max(LEAST_SHARE, 1.0 - used)
-        return left * left
+        return self.solver.share
 
 
 def _checked(R_NB: ArrayLike, omega_BN_B: ArrayLike, R_ND: ArrayLike | None

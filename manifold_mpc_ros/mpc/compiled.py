@@ -12,30 +12,23 @@ from __future__ import annotations
 import ctypes
 import math
 import struct
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from manifold_mpc_ros.config.cones import Cone
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.library import Controller, Kept, Library, LoopRecord, Solve
 from manifold_mpc_ros.mpc.program import fields as f
 from manifold_mpc_ros.mpc.program.layout import layout_of
+from manifold_mpc_ros.mpc.program.numbers import numbers_beside, numbers_of
 from manifold_mpc_ros.mpc.program.options import VIAS
 from manifold_mpc_ros.mpc.program.phase import Field, Memory, Structure
+from manifold_mpc_ros.mpc.reference import Reference
 from manifold_mpc_ros.mpc.reports import Progress, Report, StateReport
-from manifold_mpc_ros.mpc.scaling import TERMINAL_LEVEL, Scaling, scaling_of
+from manifold_mpc_ros.mpc.scaling import scaling_of
 from manifold_mpc_ros.mpc.search import guard_squared, linear_rad, quickest_rad_s2, starts
-from manifold_mpc_ros.mpc.stages.inequalities import (
-    cone_inequalities,
-    inequalities_of,
-    wheel_inequalities,
-)
-from manifold_mpc_ros.mpc.stages.inequality import RateInequality
-from manifold_mpc_ros.mpc.stages.torque_box import ShiftedTorqueBox
-from manifold_mpc_ros.mpc.stages.wheel_limits import TOTAL, Wheels
+from manifold_mpc_ros.terminal.design import TerminalDesign
 
 _ALIGNMENT = 64
 # Numbers of an answer before its torques: search.c.
@@ -46,16 +39,15 @@ class CompiledMpc:
     """The controller of one configuration in C. Not for two threads at once."""
 
     def __init__(self, library: Library, structure: Structure, config: AttitudeMpcConfig,
-                 numbers: Mapping[Field, Array]) -> None:
-        """Allocate everything that a solve needs; ``numbers`` has the problem's global fields."""
+                 terminal: TerminalDesign) -> None:
+        """Allocate everything that a solve needs, and fill in the problem's numbers."""
         self.structure, self.horizon = structure, config.horizon
         self._library, self._lanes, self._layout = library, library.lanes, layout_of(structure)
         self._plans = [self._stages(Memory.TRAJECTORY) for _ in range(5)]
         self._model = self._stages(Memory.MODEL)
         self._globals = _aligned(self._layout.rows(Memory.GLOBAL))
-        for field, values in numbers.items():
+        for field, values in numbers_of(config, terminal, structure).items():
             self._global(field)[:] = values
-        self._global(f.FORESEEN)[:] = np.tile(np.eye(3).ravel(), 2)
         measured = self._global(f.MEASURED)
         self._attitude, self._target = measured[:9].reshape(3, 3), measured[9:18].reshape(3, 3)
         self._rate = measured[18:]
@@ -66,6 +58,10 @@ class CompiledMpc:
         self._torques, self._rates = torques.reshape(n, 3), rates.reshape(n + 1, 3)
         self._attitudes = attitudes.reshape(n + 1, 3, 3)
         self._starts, self._ways = starts(config), np.zeros((VIAS, 2))
+        self._beside = numbers_beside(config, terminal, structure)
+        self._reference = np.zeros(12 * (n + 1))
+        self._momentum = np.zeros((2, 0 if config.wheels is None else len(config.wheels)))
+        limit = config.max_torque_n_m
         addresses = [each.ctypes.data for each in self._plans]
         unit = scaling_of(config)
         self._controller = Controller(
@@ -74,19 +70,17 @@ class CompiledMpc:
             kept=Kept(addresses[2]), best=Kept(addresses[3]), other=Kept(addresses[4]),
             starts=self._starts.ctypes.data, start_count=len(self._starts),
             answer=self._answer.ctypes.data, ways=self._ways.ctypes.data,
+            reference=self._reference.ctypes.data, momentum=self._momentum.ctypes.data,
+            **{name: each.ctypes.data for name, each in self._beside.items()},
             time_s=unit.time_s, torque_n_m=unit.torque_n_m, rate_rad_s=unit.rate_rad_s,
             cost=unit.cost, step_s=config.step_s,
             quickest=quickest_rad_s2(config), linear_rad=linear_rad(config),
             guard_squared=guard_squared(config),
-            level=numbers[f.PARAMETER][TERMINAL_LEVEL], allowed=1, inside=1)
+            whole_level=terminal.c, wheel_count=self._momentum.shape[1],
+            cone_count=len(config.cones),
+            torque_limit_n_m=(math.inf,) * 3 if limit is None else tuple(limit.tolist()))
         self._address = ctypes.byref(self._controller)
-        self._commanded = np.zeros((self.horizon + 1, 3, 3)), np.zeros((self.horizon + 1, 3))
-        self._used, self._inertia = np.zeros(6), np.array(config.inertia_kg_m2, dtype=float)
-        self._to_track = (*(each.ctypes.data for each in (*self._commanded, self._inertia)),
-                          config.forcing == 'symmetric', self._used.ctypes.data)
-        library.prepare(self._address)
-        if structure.graded:
-            self._set_nodes(f.INNER, np.append(config.steps.periods, 0.0)[:, None])
+        library.begin(self._address)
 
     def _stages(self, memory: Memory) -> Array:
         """Return memory for N + 1 stages in blocks of lanes, one before them and one behind."""
@@ -103,12 +97,6 @@ class CompiledMpc:
         first = self._layout.first_row(field)
         rows = memory.reshape(-1, self._layout.rows(field.memory), self._lanes)
         return rows[1:, first:first + field.size, :].transpose(0, 2, 1)
-
-    def _set_nodes(self, field: Field, values: Array) -> None:
-        """Write a field of the model at every node (N + 1, size); beyond them the last again."""
-        place = self._nodes(self._model, field)
-        rest = len(place) * place.shape[1] - len(values)
-        place[:] = np.pad(values, ((0, rest), (0, 0)), 'edge').reshape(place.shape)
 
     # A tick.
 
@@ -133,45 +121,53 @@ class CompiledMpc:
         """Say which commanded attitude (3, 3) will follow the last one."""
         self._global(f.FORESEEN)[9:] = R_ND.ravel()
 
-    def set_level(self, level: float, *, allowed: bool) -> None:
-        """Set the dimensionless level c of the terminal set, and whether there is one."""
-        self._controller.level, self._controller.allowed = level, allowed
-
-    def set_cones(self, kept: Sequence[Cone], directions_N: Array) -> None:
-        """Set the cones that nodes keep, and their directions at every node, (N + 1, n, 3)."""
-        for each in cone_inequalities(self.structure):
-            self._global(each.data)[:] = each.numbers_of(kept)
-            self._set_nodes(each.direction_N, directions_N[:, each.places(kept)].reshape(
-                self.horizon + 1, -1))
-
-    def set_reference(self, R_ND: Array, omega_DN_D: Array) -> tuple[list[float], list[float]]:
-        """Set what costs are about: attitudes (N + 1, 3, 3) and rates (N + 1, 3) [rad/s].
-
-        Return the largest |torque| [N m] and |rate| [rad/s] about each axis.
-        """
-        self._commanded[0][...], self._commanded[1][...] = R_ND, omega_DN_D
-        self._library.track(self._address, *self._to_track)
-        used = self._used.tolist()
-        return used[:3], used[3:]
-
-    def set_rate_limits(self, config: AttitudeMpcConfig) -> None:
-        """Set the rate limits to those of a configuration."""
-        for each in inequalities_of(self.structure):
-            if isinstance(each, RateInequality):
-                self._global(each.data)[:] = each.numbers(config, scaling_of(config))
-
     def disturb(self, disturbance_n_m: Array) -> None:
-        """Set the disturbance torque (3,) [N m] that the torque box moves with."""
-        self._controller.disturbance_n_m[:] = disturbance_n_m.tolist()
-        for each in inequalities_of(self.structure):
-            if isinstance(each, ShiftedTorqueBox):
-                self._global(each.data)[3:] = disturbance_n_m / self._controller.torque_n_m
+        """Plan under a disturbance torque (3,) [N m]: the torque box moves with it."""
+        self._library.disturb(self._address, disturbance_n_m.ctypes.data)
 
-    def set_wheels(self, now: Wheels, unit: Scaling) -> None:
-        """Set what wheels give and store, and the momentum of body and wheels."""
-        self._global(TOTAL)[:] = now.total_D / (unit.torque_n_m * unit.time_s)
-        for each in wheel_inequalities(self.structure):
-            self._global(each.data)[:] = each.numbers_of(now, unit)
+    def set_directions(self, directions_N: Array | None) -> int | None:
+        """Set the directions of all cones (N + 1, n, 3), None: those of the configuration.
+
+        Return the cone of which nothing is left between samples then, None when all is well.
+        """
+        given = None if directions_N is None else directions_N.ctypes.data
+        if self._library.set_directions(self._address, given):
+            return None
+        return self._controller.missing - 1
+
+    def set_reference(self, R_NB: Array, R_ND: Array, reference: Reference | None) -> Array:
+        """Plan about a reference, or about R_ND (3, 3) alone; return what is commanded then.
+
+        For pointing that has the roll of the body, R_NB (3, 3).
+        """
+        self._attitude[...], self._target[...] = R_NB, R_ND
+        if reference is not None:
+            self._reference[:] = np.concatenate(
+                [reference.R_ND.ravel(), reference.omega_DN_D.ravel()])
+        self._library.set_reference(self._address, reference is not None)
+        return self._target
+
+    def set_momentum(self, momentum_n_m_s: Array, held: bool) -> None:
+        """Set the momenta of wheels (n,) [N m s], NaN for one that is not there.
+
+        ``held``: plans keep to what wheels give whose null space rests.
+        """
+        self._momentum[0], self._controller.held = momentum_n_m_s, int(held)
+
+    @property
+    def momentum_n_m_s(self) -> Array:
+        """The momenta (n,) that are planned with."""
+        return self._momentum[1]
+
+    @property
+    def limits_used(self) -> float:
+        """The largest part of a torque or rate limit that disturbance and reference use."""
+        return float(self._controller.limits_used)
+
+    @property
+    def share(self) -> float:
+        """The part of the terminal level that disturbance, reference and wheels leave."""
+        return float(self._controller.share)
 
     # A closed loop on the model.
 

@@ -37,11 +37,15 @@ class Controller(ctypes.Structure):
     """The struct ``controller`` of search.c."""
 
     _fields_ = _fields(
-        (Solve, 'solve'), (Kept, 'kept best other'), (_POINTER, 'starts answer reported ways'),
+        (Solve, 'solve'), (Kept, 'kept best other'), (_POINTER, 'starts answer reported ways '
+         'cones wheels follow periods reference momentum'),
         (_DOUBLE, 'time_s torque_n_m rate_rad_s cost step_s quickest linear_rad '
          'guard_squared level'),
-        (_DOUBLE * 3, 'disturbance_n_m'), (_DOUBLE, 'value_bound deadline_s local_s'),
-        (_INTEGER, 'start_count allowed warm inside violating passes searched'))
+        (_DOUBLE * 3, 'disturbance_n_m'), (_DOUBLE, 'value_bound deadline_s local_s '
+         'whole_level cone_level wheel_share share rate_share limits_used'),
+        (_DOUBLE * 3, 'torque_limit_n_m torque_share'), (_DOUBLE * 9, 'aimed'),
+        (_INTEGER, 'start_count wheel_count cone_count allowed warm inside violating passes '
+         'searched tracking rests missing as_configured held'))
 
 
 class LoopRecord(ctypes.Structure):
@@ -54,7 +58,10 @@ class Library:
     """The functions of a compiled solver (python.c), as attributes of their names."""
 
     answer: Callable[..., None]
-    prepare: Callable[..., None]
+    begin: Callable[..., None]
+    disturb: Callable[..., None]
+    set_directions: Callable[..., int]
+    set_reference: Callable[..., None]
     set_state: Callable[..., int]
     slew_steps: Callable[..., float]
     use_set: Callable[..., None]
@@ -62,7 +69,6 @@ class Library:
     begin_slew: Callable[..., None]
     begin_way: Callable[..., None]
     iterate: Callable[..., None]
-    track: Callable[..., None]
     report: Callable[..., None]
     model: Callable[..., None]
     try_step: Callable[..., None]
@@ -72,11 +78,12 @@ class Library:
     def __init__(self, path: Path) -> None:
         """Load it; raises SolverBuildError when it cannot be loaded."""
         signatures: dict[str, tuple[Any, ...]] = {
-            'answer': (None, _DOUBLE, _INTEGER), 'prepare': (None,), 'set_state': (_INTEGER,),
+            'answer': (None, _DOUBLE, _INTEGER), 'begin': (None,), 'disturb': (None, _POINTER),
+            'set_directions': (_INTEGER, _POINTER), 'set_reference': (None, _INTEGER),
+            'set_state': (_INTEGER,),
             'slew_steps': (_DOUBLE,), 'use_set': (None, _INTEGER),
             'begin_start': (None, _POINTER, _DOUBLE), 'begin_slew': (None, _DOUBLE),
             'begin_way': (None, _POINTER), 'iterate': (None, _INTEGER, _DOUBLE),
-            'track': (None, _POINTER, _POINTER, _POINTER, _INTEGER, _POINTER),
             'report': (None,), 'model': (None, _DOUBLE), 'try_step': (None, _DOUBLE),
             'advance': (None,), 'follow': (_INTEGER, _POINTER, _INTEGER)}
         try:

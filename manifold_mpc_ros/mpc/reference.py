@@ -4,13 +4,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.config.rate_limits import Margins, RateBox, RateLimit
+from manifold_mpc_ros.config.rate_limits import Margins, RateLimit
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.lie.arrays import Array
@@ -67,34 +66,6 @@ class Reference:
         return Reference(self.R_ND @ roll, self.omega_DN_D @ roll)
 
 
-class Shares:
-    """What a reference uses of the limits of a configuration, the largest over the horizon.
-
-    ``torque``: parts of the torque limits (3,); ``rate``: the largest part of a rate limit, with
-    its margin; ``rests``: its rate at the end is zero, so a law about its end has all the limits.
-    """
-
-    def __init__(self, config: AttitudeMpcConfig) -> None:
-        """Begin with one that is fixed."""
-        limit = config.max_torque_n_m
-        self._torque = [math.inf] * 3 if limit is None else limit.tolist()
-        self._rates, self._margins = config.planned.rate_limits, _margins(config)
-        self.torque, self.rate, self.rests = [0.0] * 3, 0.0, True
-
-    def see(self, omega_DN_D: Array, largest: tuple[list[float], list[float]], *, moving: bool
-            ) -> None:
-        """Take rates (N+1, 3) [rad/s] and the largest |torque|, |rate| (3,) about each axis.
-
-        ``moving``: they are of a target that moves, whose plans keep margins.
-        """
-        torque, rate = largest
-        self.torque = [used / limit for used, limit in zip(torque, self._torque)]
-        self.rate = max((
-            rate_share(each, rate if isinstance(each, RateBox) else omega_DN_D, margin)
-            for each, margin in zip(self._rates, self._margins)), default=0.0) if moving else 0.0
-        self.rests = not omega_DN_D[-1].any()
-
-
 def reference_torque(reference: Reference, config: AttitudeMpcConfig) -> Array:
     """Return the torques (N, 3) [N m] that make the momenta of a reference.
 
@@ -116,12 +87,12 @@ def used_by(end: Reference, config: AttitudeMpcConfig, disturbance_B_n_m: Array
     torque = reference_torque(end, config)[0]
     limit = np.inf if config.max_torque_n_m is None else config.max_torque_n_m
     used = (np.abs(torque) + np.abs(disturbance_B_n_m)) / limit
+    limits = zip(config.planned.rate_limits, reference_margins(config), strict=True)
     return torque, max([float(used.max()), *(
-        rate_share(each, end.omega_DN_D, margin)
-        for each, margin in zip(config.planned.rate_limits, _margins(config), strict=True))])
+        _rate_share(each, end.omega_DN_D, margin) for each, margin in limits)])
 
 
-def _margins(config: AttitudeMpcConfig) -> list[Margins]:
+def reference_margins(config: AttitudeMpcConfig) -> list[Margins]:
     """Return what plans about targets that move keep to the limits of the terminal set.
 
     Which may have the margin in them already.
@@ -130,11 +101,7 @@ def _margins(config: AttitudeMpcConfig) -> list[Margins]:
     return config.rate_margins if planned is config else [{} for _ in planned.rate_limits]
 
 
-def rate_share(limit: RateLimit, omega: Array | list[float], margin: Margins) -> float:
-    """Return the largest part of a limit that rates (n, 3) [rad/s] and its margin use.
-
-    ``omega`` may be a list, the largest |omega| about each axis (3,): all that a box asks for.
-    """
-    ratios = limit.ratios(omega) if isinstance(omega, list) else {
-        name: float(np.max(part)) for name, part in limit.used(omega).items()}
-    return max((ratio + margin.get(name, 0.0) for name, ratio in ratios.items()), default=0.0)
+def _rate_share(limit: RateLimit, omega: Array, margin: Margins) -> float:
+    """Return the largest part of a limit that rates (n, 3) [rad/s] and its margin use."""
+    return max((float(np.max(part)) + margin.get(name, 0.0)
+                for name, part in limit.used(omega).items()), default=0.0)

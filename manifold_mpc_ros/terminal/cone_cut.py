@@ -26,6 +26,12 @@ from manifold_mpc_ros.terminal.level import SAFETY
 LEAST_PART = 1e-4
 
 
+def counts_for_target(config: AttitudeMpcConfig, cones: Sequence[Cone]) -> list[bool]:
+    """Return which cones a target keeps or not: for pointing those of its own axis."""
+    return [config.target == 'attitude'
+            or abs(float(config.pointing_axis_B @ each.axis_B)) > 1.0 - 1e-12 for each in cones]
+
+
 def target_margins_rad(config: AttitudeMpcConfig, kept: Sequence[Cone], R_ND: Any = None,
                        directions_N: Any = None) -> dict[str, float]:
     """Return by which angle a target keeps each cone or group [rad], over directions (k, n, 3).
@@ -35,8 +41,7 @@ def target_margins_rad(config: AttitudeMpcConfig, kept: Sequence[Cone], R_ND: An
     """
     R, kept = np.eye(3) if R_ND is None else np.asarray(R_ND), alone(kept)
     s = np.array([[each.direction_N for each in kept]]) if directions_N is None else directions_N
-    counts = [config.target == 'attitude'
-              or abs(float(config.pointing_axis_B @ each.axis_B)) > 1.0 - 1e-12 for each in kept]
+    counts = counts_for_target(config, kept)
     margins = np.array([each.margins_rad(R, s[:, i]) if counts[i] else np.full(len(s), np.inf)
                         for i, each in enumerate(kept)])
     return {name: float(np.min(each)) for name, each in joined(kept, margins).items()}

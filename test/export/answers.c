@@ -1,8 +1,9 @@
 /* Copyright 2026 The manifold_mpc_ros authors
  * SPDX-License-Identifier: Apache-2.0
  *
- * Answers states: reads records of 15 doubles from states.bin (whether to reset, attitude, rate,
- * target, disturbance), writes 12 to answers.bin (status, passes, searched, cost, residual,
+ * Answers states: reads records of doubles from states.bin (whether to reset, attitude, rate,
+ * target, disturbance, whether directions and a reference are given, for how long which torque
+ * acts first, whether the null space rests; momenta of wheels, directions, reference where the controller has such), writes 12 to answers.bin (status, passes, searched, cost, residual,
  * violation, promised cost, level of the state, torque, instructions).
  */
 #include <stdio.h>
@@ -13,9 +14,17 @@ double count_instructions(void);
 
 static double memory[MANIFOLD_MPC_MEMORY_DOUBLES];
 
+enum { NODES = MANIFOLD_MPC_HORIZON + 1, MOMENTA = 22,
+       DIRECTIONS = MOMENTA + MANIFOLD_MPC_WHEEL_COUNT,
+       ATTITUDES = DIRECTIONS + 3 * MANIFOLD_MPC_CONE_COUNT * NODES,
+       RATES = ATTITUDES + 4 * MANIFOLD_MPC_MOVING * NODES,
+       RECORD = RATES + 3 * MANIFOLD_MPC_MOVING * NODES };
+
+static double in[RECORD];
+
 int main(void)
 {
-    double in[15], out[12];
+    double out[12];
     FILE *states = fopen("states.bin", "rb"), *answers = fopen("answers.bin", "wb");
     char *misaligned = (char *)memory + 4;
     if (!states || !answers)
@@ -39,6 +48,13 @@ int main(void)
             x.rate_rad_s[i] = in[5 + i];
             x.disturbance_n_m[i] = in[12 + i];
         }
+        x.wheel_null_space_rests = in[21] > 0.0;
+        x.wheel_momentum_n_m_s = MANIFOLD_MPC_WHEEL_COUNT ? in + MOMENTA : NULL;
+        x.cone_directions_N = in[15] > 0.0 ? in + DIRECTIONS : NULL;
+        x.reference_xyzw = in[16] > 0.0 ? in + ATTITUDES : NULL;
+        x.reference_rad_s = in[16] > 0.0 ? in + RATES : NULL;
+        if (!manifold_mpc_advance(mpc, &x, in + 18, in[17]))
+            return 6;
         double begin = count_instructions();
         out[0] = manifold_mpc_solve(mpc, &x, &r);
         out[11] = count_instructions() - begin;

@@ -8,18 +8,21 @@ import shutil
 import subprocess
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from manifold_mpc_ros import AttitudeMpc, AttitudeMpcSolution
+from manifold_mpc_ros.control.input_gate import NANOSECONDS
+from manifold_mpc_ros.control.torque_history import moved_on
 from manifold_mpc_ros.lie.arrays import Array
+from manifold_mpc_ros.mpc.reference import Reference
 from manifold_mpc_ros.mpc.solution import SolveStatus
 
 STATUSES = list(SolveStatus)
 HERE = Path(__file__).resolve().parent
 STRICT = ('-std=c99', '-pedantic', '-Wall', '-Wextra', '-Wconversion', '-Werror',
-          '-ffp-contract=off')
+          '-ffp-contract=off', '-fno-tree-slp-vectorize')
 #: What answers.c writes of a state, but for the number of instructions.
 COLUMNS = ('status', 'passes', 'searched', 'cost', 'residual', 'violation', 'promised', 'ratio',
            'torque_x', 'torque_y', 'torque_z')
@@ -99,7 +102,7 @@ def stack_bytes(folder: Path) -> int:
 
 
 def answers(target: Target, program: Path, states: Array, timeout_s: float = 600.0) -> Array:
-    """Run a program on states (n, 15); return what it answers (n, 12)."""
+    """Run a program on states (n, record); return what it answers (n, 12)."""
     folder = program.parent
     states.tofile(folder / 'states.bin')
     done = subprocess.run([*target.runner, str(program)], cwd=folder, capture_output=True,
@@ -120,11 +123,26 @@ def rotation(q: Sequence[float]) -> Array:
 
 
 def python_answer(mpc: AttitudeMpc, state: Array) -> tuple[AttitudeMpcSolution, list[float]]:
-    """Return Python's plan for a state (15,), and what answers.c would write of it."""
+    """Return Python's plan for a state (record,), and what answers.c would write of it."""
     if state[0] > 0.0:
         mpc.reset()
-    plan = mpc.solve(rotation(state[1:5]), state[5:8], rotation(state[8:12]),
-                     disturbance_B_n_m=state[12:15])
+    config, nodes = mpc.config, mpc.config.horizon + 1
+    given: dict[str, Any] = {}
+    momenta, directions, rest = np.split(state[22:], np.cumsum([
+        0 if config.wheels is None else len(config.wheels), 3 * len(config.cones) * nodes]))
+    if momenta.size:
+        mpc._wheels.held = state[21] > 0.0  # what the torques of the motors decide otherwise
+        given['wheel_momentum_n_m_s'] = momenta
+    if state[15] > 0.0:
+        given['directions_N'] = {cone.name: each for cone, each in zip(
+            config.cones, directions.reshape(nodes, -1, 3).transpose(1, 0, 2))}
+    if state[16] > 0.0:
+        given['reference'] = Reference(np.array([*map(rotation, rest[:4 * nodes].reshape(-1, 4))]),
+                                       rest[4 * nodes:].reshape(-1, 3))
+    late = [(round(state[17] * NANOSECONDS), state[18:21] + state[12:15])] if state[17] else []
+    plan = mpc.solve(*moved_on(rotation(state[1:5]), state[5:8], late, config),
+                     rotation(state[8:12]),
+                     disturbance_B_n_m=state[12:15], **given)
     return plan, [float(STATUSES.index(plan.status)), plan.iterations, plan.searched, plan.cost,
                   plan.kkt_residual, plan.violation, plan.promised_cost, plan.terminal_ratio,
                   *plan.torque_B_n_m.tolist()]

@@ -151,8 +151,7 @@ def test_a_target_that_a_cone_forbids_is_held_off(controller: Make) -> None:
     target = so3.exp([0.0, 0.0, 1.3])
     plan = mpc.solve(so3.exp([0.2, 0.1, -0.5]), np.zeros(3), target)
     assert plan.status == SolveStatus.INFEASIBLE
-    assert mpc.target_margins_rad['sun'] == pytest.approx(kept.margins_rad(target))
-    assert mpc.target_margins_rad['sun'] < 0.0
+    assert kept.margins_rad(target) < 0.0
     assert kept.margins_rad(plan.R_NB).min() > -1e-6
     assert kept.margins_rad(plan.R_NB[-1]) < 1e-3
     again = mpc.solve(so3.exp([0.2, 0.1, -0.5]), np.zeros(3))

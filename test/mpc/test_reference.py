@@ -176,8 +176,11 @@ def test_the_solver_gets_attitudes_free_steps_rates_and_torques(mpc: AttitudeMpc
     omega[3] = 0.0
     torque = reference_torque(Reference(R_ND, omega), CONFIG)
     free = so3.quaternion_from_rotation(so3.exp(H * omega))
-    largest = mpc.solver.set_reference(R_ND, omega)
-    np.testing.assert_allclose(largest, [np.abs(torque).max(axis=0), np.abs(omega).max(axis=0)])
+    mpc.solver.set_reference(np.eye(3), R_ND[0], Reference(R_ND, omega))
+    (margin,) = CONFIG.rate_margins
+    used = np.append(np.abs(torque).max(axis=0) / CONFIG.max_torque_n_m,
+                     np.abs(omega).max(axis=0) / CONFIG.max_rate_rad_s + [*margin.values()])
+    assert mpc.solver.limits_used == pytest.approx(used.max(), rel=1e-12)
     got = mpc.solver.field(REFERENCE)
     assert (np.sum(got[1:, :4] * got[:-1, :4], axis=1) >= 0.0).all()
     np.testing.assert_allclose(so3.rotation_from_quaternion(got[:, :4]), R_ND[0].T @ R_ND,

@@ -162,8 +162,8 @@ def shortest(mpc: AttitudeMpc, R: np.ndarray, momentum: np.ndarray, whole: bool
         plan = mpc.solve(R, omega, wheel_momentum_n_m_s=momentum)
         motor = plan.wheel_torque_n_m
         assert motor is not None
-        mpc._wheels._held &= not whole
-        held += mpc._wheels._held
+        mpc._wheels.held &= not whole
+        held += mpc._wheels.held
         given = WheelAllocation(ARRAY, INERTIA, 1.0, omega, momentum, plan.torque_B_n_m)
         lacking = max(lacking, float(np.abs(
             (given.realised(motor) - plan.torque_B_n_m) / REACH).max()))
@@ -185,7 +185,7 @@ def test_wheels_with_much_momentum_can_do_all_of_a_plan(with_wheels: AttitudeMpc
         assert lacking < 3e-3
         assert held > 5
     with_wheels.solve(np.eye(3), np.zeros(3), wheel_momentum_n_m_s=momentum)
-    assert not with_wheels._wheels._held  # where little torque is needed
+    assert not with_wheels._wheels.held  # where little torque is needed
 
 
 def test_the_terminal_set_keeps_the_polytope_and_stored_momentum_costs_some_of_it() -> None:
@@ -198,8 +198,10 @@ def test_the_terminal_set_keeps_the_polytope_and_stored_momentum_costs_some_of_i
     torques = mpc.config.wheels.torques  # type: ignore[union-attr]
     reached = np.abs(xi @ design.K.T @ torques.normals.T / torques.bounds).max()
     assert 0.9 < reached <= 1.0
-    zero, one = np.zeros(3), np.eye(3)
-    shares = [mpc._wheels.hold(scale * STORED, one, zero, one, zero) for scale in (0, 0.5, 1)]
+    shares = []
+    for scale in (0.0, 0.5, 1.0):
+        mpc.solve(np.eye(3), np.zeros(3), wheel_momentum_n_m_s=scale * STORED)
+        shares.append(mpc.terminal_share)
     assert 1.0 > shares[0] > shares[1] > shares[2] > 0.1
     stored = np.linalg.norm(ARRAY.matrix @ STORED)
     xi *= shares[2] ** 0.5

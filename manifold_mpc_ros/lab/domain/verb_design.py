@@ -170,16 +170,17 @@ def momentum_shares(config: AttitudeMpcConfig, design: TerminalDesign) -> dict[f
 
     The momentum is towards the nearest facet. Nothing without wheels.
     """
-    from manifold_mpc_ros.mpc.stages.wheel_limits import Wheels
-    from manifold_mpc_ros.mpc.wheel_keeper import WheelKeeper
+    from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
     if config.wheels is None:
         return {}
-    keeper, momenta, rest = WheelKeeper(config, design, None), config.wheels.momenta, np.zeros(3)
+    mpc, momenta, shares = AttitudeMpc(config, terminal=design), config.wheels.momenta, {}
     nearest = int(np.argmin(momenta.bounds))
     total = momenta.bounds[nearest] * momenta.normals[nearest]
-    torques = config.wheels.torques
-    return {part: keeper.share(Wheels(torques, momenta, part * total, rest, rest, rest))
-            for part in (0.0, 0.4, 0.8)}
+    for part in (0.0, 0.4, 0.8):
+        mpc.solve(np.eye(3), np.zeros(3),
+                  wheel_momentum_n_m_s=config.wheels.inverse @ (part * total))
+        shares[part] = mpc.terminal_share
+    return shares
 
 
 def rest_angle_deg(design: TerminalDesign, share: float = 1.0) -> float:

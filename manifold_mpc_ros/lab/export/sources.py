@@ -13,62 +13,76 @@ from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lab.export.bounds import bounds_of
 from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc import cache, search
-from manifold_mpc_ros.mpc.backends.code_generation import defines, number, parts_code, source
+from manifold_mpc_ros.mpc.backends.code_generation import (
+    controller_code,
+    defines,
+    number,
+    parts_code,
+    source,
+)
 from manifold_mpc_ros.mpc.program.layout import layout_of
-from manifold_mpc_ros.mpc.program.numbers import numbers_of
+from manifold_mpc_ros.mpc.program.numbers import numbers_beside, numbers_of
+from manifold_mpc_ros.mpc.program.options import VIAS
 from manifold_mpc_ros.mpc.program.phase import Field, Memory, Structure
-from manifold_mpc_ros.mpc.reference import LEAST_SHARE
 from manifold_mpc_ros.mpc.scaling import scaling_of
-from manifold_mpc_ros.mpc.stages.inequalities import structure_of
+from manifold_mpc_ros.mpc.stages.inequalities import cone_inequalities, structure_of
 from manifold_mpc_ros.terminal.design import TerminalDesign
 
 _TEMPLATES = Path(__file__).resolve().parent / 'templates'
-# Python's own entry points, and the body that they step, stay at home.
-_NOT_EXPORTED = ('plant',)
 # Doubles that interface.c keeps for its struct.
-_STRUCT_DOUBLES = 64
+_STRUCT_DOUBLES = 96
 
 
-def exported(config: AttitudeMpcConfig, terminal: TerminalDesign) -> dict[str, str]:
+def exported(config: AttitudeMpcConfig, terminal: TerminalDesign, *, moving: bool = False
+             ) -> dict[str, str]:
     """Map a configuration and its terminal design to the files of the C controller, by name.
 
-    Raises ConfigurationError for what the C controller does not have yet: cones, wheels and
-    steps that grow.
+    ``moving``: with references. Raises ConfigurationError for those with steps that grow.
     """
-    if config.cones:
-        raise ConfigurationError('cones.names', [cone.name for cone in config.cones],
-                                 'none: the C controller has no search round cones yet')
-    if config.wheels is not None:
-        raise ConfigurationError('actuators.kind', 'wheels',
-                                 "'torque': the C controller commands body torques")
-    if config.horizon_s:
+    if moving and config.horizon_s:
         raise ConfigurationError('mpc.horizon_s', config.horizon_s,
-                                 '0: the C controller has equal steps')
-    structure = structure_of(config, disturbed=True)
+                                 '0: targets that move need equal steps')
+    structure = structure_of(config, disturbed=True, moving=moving)
     layout = layout_of(structure)
+    fixed, node = _doubles(structure)
     rows = {f'{memory.name}_ROWS': str(layout.rows(memory)) for memory in Memory}
-    numbers = numbers_of(config, terminal, terminal.c, structure)
-    key = cache.name_of(structure, sorted(rows.items()))
-    header = _filled('manifold_mpc.h', rows)
+    numbers = numbers_of(config, terminal, structure)
+    beside = numbers_beside(config, terminal, structure)
+    key = cache.name_of(structure, sorted(rows.items()), sorted(beside))
+    names = {name: f'numbers_of_{name}' for name in beside}
     code = '\n'.join([
-        _guard(key), source('one_lane.h'), defines(structure),
-        parts_code(structure, _NOT_EXPORTED), source('driver.c'), source('search.c'),
+        _guard(key), source('one_lane.h'), defines(structure), parts_code(structure),
+        controller_code(structure),
         _filled('interface.c', {
-            'LEAST_SHARE': number(LEAST_SHARE), 'SET_NUMBERS': _set_numbers(numbers, structure)})])
+            'STRUCT_DOUBLES': str(_STRUCT_DOUBLES),
+            'SET_NUMBERS': _set_numbers(numbers, structure),
+            'ARRAYS': ''.join(f'static const double {each}[] = MANIFOLD_MPC_{name.upper()};\n'
+                              for name, each in names.items()),
+            'POINT': '\n'.join(f'    c->{name} = {each};' for name, each in names.items())})])
     return {
-        'manifold_mpc.h': header, 'manifold_mpc.c': code,
-        'manifold_mpc_data.h': _data(config, terminal, numbers, key),
+        'manifold_mpc.h': _filled('manifold_mpc.h', rows | {
+            'FIXED_DOUBLES': str(fixed), 'NODE_DOUBLES': str(node)}),
+        'manifold_mpc.c': code,
+        'manifold_mpc_data.h': _data(config, terminal, numbers, beside, key),
         **{name: _filled(name, {}) for name in ('example.c', 'Makefile', 'CMakeLists.txt')},
         'README.md': _filled('README.md', {
             **_facts(config, structure), **bounds_of(structure, config)})}
 
 
-def memory_doubles(structure: Structure, horizon: int) -> int:
+def _doubles(structure: Structure) -> tuple[int, int]:
+    """Return the doubles of a controller's memory once, and of every node beside its stages."""
+    ways = 2 * VIAS if cone_inequalities(structure) else 0
+    return (_STRUCT_DOUBLES + layout_of(structure).rows(Memory.GLOBAL) + 6 + ways,
+            15 + 12 * structure.moving)
+
+
+def memory_doubles(config: AttitudeMpcConfig, structure: Structure) -> int:
     """Return what MANIFOLD_MPC_MEMORY_DOUBLES is."""
-    layout = layout_of(structure)
-    stages = horizon + 3
-    return (_STRUCT_DOUBLES + layout.rows(Memory.GLOBAL) + stages * (
-        layout.rows(Memory.MODEL) + 5 * layout.rows(Memory.TRAJECTORY)) + 21 + 15 * horizon)
+    layout, (fixed, node) = layout_of(structure), _doubles(structure)
+    wheels = 0 if config.wheels is None else len(config.wheels)
+    return (fixed + (config.horizon + 3) * (
+        layout.rows(Memory.MODEL) + 5 * layout.rows(Memory.TRAJECTORY))
+        + node * (config.horizon + 1) + 2 * wheels)
 
 
 def _filled(name: str, values: dict[str, str]) -> str:
@@ -112,10 +126,10 @@ def _braces(values: Iterable[float]) -> str:
 
 
 def _data(config: AttitudeMpcConfig, terminal: TerminalDesign, numbers: dict[Field, Array],
-          key: str) -> str:
+          beside: dict[str, Array], key: str) -> str:
     """Return the numbers: the only file that changes with a parameter, but for kinds of limits."""
     unit = scaling_of(config)
-    limit = config.max_torque_n_m
+    limit = [math.inf] * 3 if config.max_torque_n_m is None else config.max_torque_n_m
     starts = ', '.join(_braces(start) for start in search.starts(config).tolist())
     values = {
         'HORIZON': str(config.horizon), 'STEP_S': number(config.step_s),
@@ -124,7 +138,10 @@ def _data(config: AttitudeMpcConfig, terminal: TerminalDesign, numbers: dict[Fie
         'LINEAR_RAD': number(search.linear_rad(config)),
         'GUARD_SQUARED': number(search.guard_squared(config)),
         'TERMINAL_LEVEL': number(terminal.c), 'STARTS': f'{{{starts}}}',
-        **({} if limit is None else {'MAX_TORQUE_N_M': _braces(limit)}),
+        'MAX_TORQUE_N_M': _braces(limit), 'CONE_COUNT': str(len(config.cones)),
+        'WHEEL_COUNT': str(0 if config.wheels is None else len(config.wheels)),
+        'MOVING': str(int('follow' in beside)),
+        **{name.upper(): _braces(each.tolist()) for name, each in beside.items()},
         **{field.name.upper(): _braces(each.tolist()) for field, each in numbers.items()}}
     lines = [f'#define MANIFOLD_MPC_{name} {_wrapped(value)}' for name, value in values.items()]
     return '\n'.join([
@@ -148,7 +165,7 @@ def _wrapped(text: str) -> str:
 
 def _facts(config: AttitudeMpcConfig, structure: Structure) -> dict[str, str]:
     """Return what the README says of a configuration."""
-    doubles = memory_doubles(structure, config.horizon)
+    doubles = memory_doubles(config, structure)
     limits = ', '.join(name.replace('_', ' ') for name, _ in structure.rows) or 'none'
     return {'TARGET': config.target, 'FORCING': config.forcing, 'LIMITS': limits,
             'STEP': f'{config.step_s:g}', 'HORIZON': str(config.horizon),

@@ -23,6 +23,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='parameter file of the controller')
     parser.add_argument('--output', type=Path, required=True, metavar='DIR',
                         help='folder for the C files, made when it is not there')
+    parser.add_argument('--moving', action='store_true',
+                        help='with references: targets that move over the horizon')
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -33,7 +35,7 @@ def run(arguments: argparse.Namespace) -> int:
     config = AttitudeMpcConfig.from_yaml(arguments.params)
     console = report.make_console()
     with console.status('Designing the terminal set, generating the code'):
-        files = exported(config, stored_design(config, None))
+        files = exported(config, stored_design(config, None), moving=arguments.moving)
     arguments.output.mkdir(parents=True, exist_ok=True)
     written = []
     for name, text in files.items():

@@ -34,9 +34,10 @@ from manifold_mpc_ros.mpc.program.phase import Structure
 
 BACKENDS = ('auto', 'c')
 # No contraction into fused multiply-add: every processor and compiler then executes the same
-# sequence of roundings, and a recorded loop replays bit for bit (test_backends.py).
-_FLAGS = ('-std=gnu11', '-O2', '-march=native', '-ffp-contract=off', '-fno-math-errno', '-fPIC',
-          '-shared')
+# sequence of roundings, and a recorded loop replays bit for bit (test_backends.py). GCC's
+# vectoriser of straight code contracts to vfmaddsub even so.
+_FLAGS = ('-std=gnu11', '-O2', '-march=native', '-ffp-contract=off', '-fno-tree-slp-vectorize',
+          '-fno-math-errno', '-fPIC', '-shared')
 _COMPILE_TIMEOUT_S = 300
 
 

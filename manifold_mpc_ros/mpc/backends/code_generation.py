@@ -20,14 +20,19 @@ from manifold_mpc_ros.mpc.program import fields, options
 from manifold_mpc_ros.mpc.program.layout import Layout, layout_of
 from manifold_mpc_ros.mpc.program.phase import Memory, Order, Phase, Ref, Structure
 from manifold_mpc_ros.mpc.program.program import program_of
+from manifold_mpc_ros.mpc.reference import LEAST_SHARE
 from manifold_mpc_ros.mpc.scaling import POINTING_AXIS, TERMINAL_LEVEL
 from manifold_mpc_ros.mpc.stages.cone import AIM
 from manifold_mpc_ros.mpc.stages.inequalities import (
     cone_inequalities,
     node_inequalities,
+    rate_inequalities,
     terminal_level,
+    wheel_inequalities,
 )
 from manifold_mpc_ros.mpc.stages.reference import REFERENCE
+from manifold_mpc_ros.terminal.cone_cut import LEAST_PART
+from manifold_mpc_ros.terminal.level import SAFETY
 
 _BINARY = {
     ca.OP_ADD: '{} + {}', ca.OP_SUB: '{} - {}', ca.OP_MUL: '{} * {}', ca.OP_DIV: '{} / {}',
@@ -154,12 +159,18 @@ def defines(structure: Structure) -> str:
         **{f'{memory.name}_ROWS': layout.rows(memory) for memory in Memory},
         **options.constants(), 'PI': math.pi, 'TERMINAL_LEVEL': TERMINAL_LEVEL,
         'POINTING_AXIS': POINTING_AXIS,
-        'POINTING': int(structure.pointing),
+        'POINTING': int(structure.pointing), 'SYMMETRIC': int(structure.symmetric),
+        'LEAST_SHARE': LEAST_SHARE, 'SAFETY': SAFETY, 'LEAST_PART': LEAST_PART,
         'HAS_TERMINAL_SET': int(terminal_level(structure) is not None),
         'CURVED': int(any(each.curved for each in node_inequalities(structure)))}
     lines = [f'#define {name} {value if isinstance(value, int) else number(value)}'
              for name, value in values.items()]
+    rates = [f'{{{layout.first_row(each.data)}, {each.data.size}}}'
+             for each in rate_inequalities(structure)]
+    facets = [each.rows // 2 for each in wheel_inequalities(structure)]
     return '\n'.join([*lines, f'#define WARM_STARTS {options.warm_starts()}',
+                      f'#define RATE_LIMITS {{{", ".join(rates) or "{0, 0}"}}}',
+                      *(f'#define WHEEL_FACETS {each}' for each in facets[:1]),
                       *_cone_defines(structure), ''])
 
 
@@ -170,16 +181,16 @@ def _cone_defines(structure: Structure) -> list[str]:
         for i in range(each.cones):
             places.append(f'{{{layout.first_row(each.data) + 4 * i}, '
                           f'{layout.first_row(each.direction) + 3 * i}, '
+                          f'{layout.first_row(each.direction_N) + 3 * i}, '
                           f'{value + i // each.members}, {int(each.members > 1)}}}')
         value += each.rows
     return [f'#define CONE_COUNT {len(places)}', f'#define CONES {{{", ".join(places)}}}'
             ] if places else []
 
 
-def parts_code(structure: Structure, without: tuple[str, ...] = ()) -> str:
-    """Return the phases and the functions that run the parts of a solve, but for some parts."""
-    parts = {name: part for name, part in program_of(structure)._asdict().items()
-             if part and name not in without}
+def parts_code(structure: Structure) -> str:
+    """Return the phases and the functions that run the parts of a solve."""
+    parts = {name: part for name, part in program_of(structure)._asdict().items() if part}
     phases = {phase.name: phase for part in parts.values() for phase in part}
     return '\n'.join([
         *(phase_code(phase, layout_of(structure)) for phase in phases.values()),
@@ -193,9 +204,11 @@ def source(name: str) -> str:
 
 def controller_code(structure: Structure) -> str:
     """Return what is written by hand around the phases."""
-    ways = ('ways.c',) if cone_inequalities(structure) else ()
-    moving = ('track.c',) if structure.moving else ()
-    return '\n'.join(source(name) for name in ('driver.c', *ways, 'search.c', *moving))
+    cones, wheels = cone_inequalities(structure), wheel_inequalities(structure)
+    return '\n'.join(source(name) for name, used in (
+        ('driver.c', True), ('controller.c', True), ('vectors.c', cones or wheels),
+        ('ways.c', cones), ('cones.c', cones), ('wheels.c', wheels),
+        ('reference.c', structure.moving), ('search.c', True)) if used)
 
 
 def program_code(structure: Structure) -> str:

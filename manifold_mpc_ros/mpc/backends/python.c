@@ -9,9 +9,37 @@ long mpc_lane_count(void)
     return LANES;
 }
 
-void mpc_prepare(controller *c)
+void mpc_begin(controller *c)
 {
-    prepare(&c->s);
+    begin_controller(c);
+}
+
+void mpc_disturb(controller *c, const double *disturbance_n_m)
+{
+    disturb(c, disturbance_n_m);
+}
+
+/* Set directions (N + 1, n, 3) of all cones, or those of the configuration; return whether that
+ * can be. */
+long mpc_set_directions(controller *c, const double *directions_N)
+{
+#ifdef AIM
+    return set_directions(c, directions_N);
+#else
+    (void)c;
+    return directions_N == NULL;
+#endif
+}
+
+/* Plan about the reference in memory, or about the target alone. */
+void mpc_set_reference(controller *c, long moves)
+{
+#ifdef REFERENCE
+    set_reference(c, (int)moves);
+#else
+    (void)c;
+    (void)moves;
+#endif
 }
 
 void mpc_answer(controller *c, double deadline_s, long local)
@@ -61,22 +89,6 @@ void mpc_begin_way(controller *c, const double *by)
 void mpc_iterate(controller *c, long most, double deadline_s)
 {
     iterate(&c->s, most, deadline_s);
-}
-
-/* Follow a reference, as in track.c; nothing where targets are fixed. */
-void mpc_track(controller *c, const double *R, const double *omega, const double *J,
-               long symmetric, double *used)
-{
-#ifdef REFERENCE
-    track(c, R, omega, J, (int)symmetric, used);
-#else
-    (void)c;
-    (void)R;
-    (void)omega;
-    (void)J;
-    (void)symmetric;
-    (void)used;
-#endif
 }
 
 /* Report on the trajectory under way, poses included. */

@@ -1,44 +1,9 @@
 /* Copyright 2026 The manifold_mpc_ros authors
  * SPDX-License-Identifier: Apache-2.0
  *
- * The controller around the local solver, from a measured state to a plan: warm start, global
- * search, the problem without the terminal set, status. Plain C99, no allocation.
+ * From a measured state to a plan around the local solver: warm start, global search, the problem
+ * without the terminal set, status. Plain C99, no allocation.
  */
-
-enum { STATUS_CONVERGED, STATUS_FEASIBLE, STATUS_INFEASIBLE, STATUS_FAILED };
-
-/* A start of the search: signs or axis of a lean (x, y, z), and whether it goes the long way. */
-typedef double start[4];
-
-/* A plan that was kept, and how far its solve was. */
-typedef struct {
-    double *memory;
-    double cost, residual;
-    long flag;
-} plan;
-
-typedef struct controller {
-    solve s;
-    plan kept, best, other;     /* of the last tick; of this one; while that is compared */
-    const start *starts;
-    double *answer;             /* STATUS .. LOCAL_S, torques (N, 3), R_NB (N + 1, 9), rates (N + 1, 3) */
-    const double *reported;     /* the plan that the report in g is of */
-    double *ways;               /* (VIAS, 2): ways round cones, what they violate and their length */
-    double time_s, torque_n_m, rate_rad_s, cost;    /* units */
-    double step_s, quickest, linear_rad, guard_squared, level;
-    double disturbance_n_m[3];
-    double value_bound, deadline_s, local_s;
-    /* allowed: the terminal set exists. warm: there is a plan to begin from. inside: the last plan
-     * ended in the set. violating: it violated a limit. */
-    long start_count, allowed, warm, inside, violating, passes, searched;
-} controller;
-
-enum { STATUS, PASSES, SEARCHED, COST, RESIDUAL, WORST, PROMISED, RATIO, LOCAL_S, TORQUES };
-
-static void use_set(controller *c, int with)
-{
-    c->s.g[PARAMETER + TERMINAL_LEVEL] = with ? c->level : NO_LEVEL / c->cost;
-}
 
 /* Keep the trajectory under way; the solver goes on in the memory of what was kept before. */
 static void keep(controller *c, plan *to)
@@ -388,9 +353,14 @@ static int measure(controller *c)
         sum += g[MEASURED + i];
     if (!(fabs(sum) < INFINITY))
         return 0;
-    use_set(c, 1);
     set_state(&c->s);
-    return g[STATE_REPORT] <= ROTATION_DEFECT && g[STATE_REPORT + 1] < c->guard_squared;
+    int usable = g[STATE_REPORT] <= ROTATION_DEFECT && g[STATE_REPORT + 1] < c->guard_squared;
+#ifdef AIM
+    if (usable)
+        aim(c, g + MEASURED + 9);
+#endif
+    use_set(c, 1);
+    return usable;
 }
 
 /* Make the best plan the next tick's start, and the answer in SI units. */
@@ -434,6 +404,9 @@ static void answer_with_best(controller *c)
 static void answer_state(controller *c, int local)
 {
     double *g = c->s.g;
+#ifdef TOTAL_MOMENTUM
+    hold_wheels(c, g + MEASURED + 18);
+#endif
     for (int i = 0; i < 3; ++i)
         g[MEASURED + 18 + i] *= c->time_s;
     c->passes = c->searched = 0;
@@ -455,4 +428,26 @@ static void answer_state(controller *c, int local)
     c->answer[PASSES] = (double)c->passes;
     c->answer[SEARCHED] = (double)c->searched;
     c->answer[LOCAL_S] = c->local_s;
+}
+
+/* Begin in memory that holds the numbers of a problem: nothing is known, nothing moves. */
+static void begin_controller(controller *c)
+{
+    prepare(&c->s);
+    for (long k = 0; c->periods && k < c->s.horizon; ++k)
+        c->s.model[AT(MODEL_ROWS, INNER, k)] = c->periods[k];
+    for (int i = 0; i < 18; ++i)
+        c->s.g[FORESEEN + i] = i % 9 % 4 == 0;
+    c->deadline_s = INFINITY;
+    c->allowed = c->inside = c->rests = 1;
+    c->wheel_share = 1.0;
+    c->cone_level = c->whole_level;
+    set_level(c);
+#ifdef AIM
+    set_directions(c, NULL);
+#endif
+#ifdef REFERENCE
+    c->tracking = 1;
+    set_reference(c, 0);
+#endif
 }

@@ -12,10 +12,10 @@ typedef struct {
     double axis_B[3], half_angle_rad;
 } cone;
 
-/* Where numbers and directions of a cone lie, the value of the inequality that it is of, and
- * whether that is of a group of keep-in cones. */
+/* Where numbers and directions of a cone lie (in the target's axes and in inertial ones), the value
+ * of the inequality that it is of, and whether that is of a group of keep-in cones. */
 typedef struct {
-    int data, direction, value, grouped;
+    int data, direction, direction_N, value, grouped;
 } cone_place;
 
 static const cone_place cone_places[CONE_COUNT] = CONES;
@@ -39,11 +39,6 @@ static void rotate(const double q[4], const double v[3], double to[3])
     to[0] = v[0] + q[0] * t[0] + (q[2] * t[2] - q[3] * t[1]);
     to[1] = v[1] + q[0] * t[1] + (q[3] * t[0] - q[1] * t[2]);
     to[2] = v[2] + q[0] * t[2] + (q[1] * t[1] - q[2] * t[0]);
-}
-
-static double length_of(const double v[3])
-{
-    return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
 }
 
 /* Write the quaternion of a part of a turn (a rotation vector) in body axes. */

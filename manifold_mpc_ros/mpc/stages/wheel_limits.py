@@ -19,13 +19,11 @@ and multipliers nu (momentum) and lambda (torque) enter a node's Lagrangian as `
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.config.wheels import Zonotope
 from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.lie.symbolic import hat, rotation_from_quaternion
 from manifold_mpc_ros.mpc.program import fields as f
@@ -51,24 +49,6 @@ STEP_WEIGHT = Field('step_weight', 6, Memory.MODEL)
 STEP_PULL, STEP_FORCE = Field('step_pull', 3, Memory.MODEL), Field('step_force', 3, Memory.MODEL)
 # Of so many values slacks and elastic parts are multiplied before the logarithm is taken.
 _PART = 12
-# Torque from outside in a step nearer to the facets leaves a start no room.
-_LARGEST_OFFSET = 0.8
-
-
-class Wheels(NamedTuple):
-    """Wheels as they are now, (3,) each in SI units.
-
-    ``torques`` and ``momenta`` are the sets that plans keep to, ``total_D`` the momentum of body
-    and wheels in the target's axes, ``dead_B`` what those store that do not work, ``external_B``
-    the torque from outside, ``taken_B`` that and the gyroscopic one.
-    """
-
-    torques: Zonotope
-    momenta: Zonotope
-    total_D: Array
-    dead_B: Array
-    external_B: Array
-    taken_B: Array
 
 
 def _stored(read: Read, node: Node, shift: int) -> ca.SX:
@@ -115,23 +95,8 @@ class StoredMomentum(NodeInequality):
         return 0 if config.wheels is None else 2 * len(config.wheels.normals)
 
     def numbers(self, config: AttitudeMpcConfig, unit: Scaling) -> Array:
-        """Return the numbers of the configuration's wheels, at rest and undisturbed."""
-        assert config.wheels is not None
-        rest = np.zeros(3)
-        array = config.wheels
-        return self.numbers_of(Wheels(
-            array.torques, array.momenta, rest, rest, rest, rest), unit)
-
-    def numbers_of(self, now: Wheels, unit: Scaling) -> Array:
-        """Return the dimensionless numbers of an array with as many facets, or fewer."""
-        return self._flat(now.momenta, now.dead_B, unit.torque_n_m * unit.time_s)
-
-    def _flat(self, zonotope: Zonotope, offset: Array, unit: float) -> Array:
-        """Return A, column by column, and the offset."""
-        facets = zonotope.normals / zonotope.bounds[:, None] * unit
-        missing = self.rows // 2 - len(facets)
-        return np.append(np.ravel(np.pad(facets, ((0, missing), (0, 0)), 'edge'), order='F'),
-                         offset / unit)
+        """Return zeros: every state brings its own numbers (backends/wheels.c)."""
+        return np.zeros(self.data_size)
 
     def products_of(self, slack: ca.SX, elastic: ca.SX) -> ca.SX:
         """Return the products of slacks and elastic parts, part by part."""
@@ -197,12 +162,6 @@ class MotorTorque(StoredMomentum):
     def data_size(self) -> int:
         """Three numbers a pair of facets, the offset, the box."""
         return super().data_size + 3
-
-    def numbers_of(self, now: Wheels, unit: Scaling) -> Array:
-        """Return the numbers; the box has room for the torque that is taken now."""
-        part = min(_LARGEST_OFFSET, now.torques.gauge(now.taken_B))
-        return np.append(self._flat(now.torques, -now.external_B, unit.torque_n_m),
-                         (1.0 - part) * now.torques.box / unit.torque_n_m)
 
     def box(self, read: Read) -> ca.SX:
         """Return the half widths (3,)."""

@@ -1,16 +1,14 @@
-
 /* The interface of manifold_mpc.h. */
 
 struct manifold_mpc {
     controller c;
 };
 
-typedef char struct_fits[sizeof(manifold_mpc) <= 64 * sizeof(double) ? 1 : -1];
+typedef char struct_fits[sizeof(manifold_mpc) <= @STRUCT_DOUBLES@ * sizeof(double) ? 1 : -1];
 
 static const start starts[] = MANIFOLD_MPC_STARTS;
+@ARRAYS@
 
-/* Shares of the limits below this are not left to the local law. */
-#define LEAST_SHARE @LEAST_SHARE@
 /* A quaternion whose norm is farther than this from 1 is none. */
 #define NORM_DEFECT 1e-3
 
@@ -28,9 +26,8 @@ static double *slice(double **from, size_t doubles)
 
 manifold_mpc *manifold_mpc_init(void *memory, size_t bytes)
 {
-    const long n = MANIFOLD_MPC_HORIZON;
-    const size_t stages = MANIFOLD_MPC_HORIZON + 3;
-    const double unit[4] = MANIFOLD_MPC_UNITS;
+    const size_t n = MANIFOLD_MPC_HORIZON, stages = n + 3;
+    const double unit[4] = MANIFOLD_MPC_UNITS, torque_limit_n_m[3] = MANIFOLD_MPC_MAX_TORQUE_N_M;
     if (memory == NULL || bytes < MANIFOLD_MPC_MEMORY_DOUBLES * sizeof(double)
         || (uintptr_t)memory % sizeof(double) != 0)
         return NULL;
@@ -41,7 +38,7 @@ manifold_mpc *manifold_mpc_init(void *memory, size_t bytes)
     controller *c = &mpc->c;
     static const controller empty;
     *c = empty;
-    next += 64;
+    next += @STRUCT_DOUBLES@;
     c->s.g = slice(&next, GLOBAL_ROWS);
     c->s.model = slice(&next, stages * MODEL_ROWS);
     double **plans[5];
@@ -52,10 +49,19 @@ manifold_mpc *manifold_mpc_init(void *memory, size_t bytes)
     plans[4] = &c->other.memory;
     for (int i = 0; i < 5; ++i)
         *plans[i] = slice(&next, stages * TRAJECTORY_ROWS);
-    c->answer = next;
-    c->s.horizon = n;
+    c->answer = slice(&next, 21 + 15 * n);
+#ifdef AIM
+    c->ways = slice(&next, 2 * VIAS);
+#endif
+#ifdef REFERENCE
+    c->reference = slice(&next, 12 * (n + 1));
+#endif
+    c->momentum = slice(&next, 2 * MANIFOLD_MPC_WHEEL_COUNT);
+    c->s.horizon = MANIFOLD_MPC_HORIZON;
     c->starts = starts;
     c->start_count = (long)(sizeof starts / sizeof *starts);
+    c->wheel_count = MANIFOLD_MPC_WHEEL_COUNT;
+    c->cone_count = MANIFOLD_MPC_CONE_COUNT;
     c->time_s = unit[0];
     c->torque_n_m = unit[1];
     c->rate_rad_s = unit[2];
@@ -64,13 +70,12 @@ manifold_mpc *manifold_mpc_init(void *memory, size_t bytes)
     c->quickest = MANIFOLD_MPC_QUICKEST_RAD_S2;
     c->linear_rad = MANIFOLD_MPC_LINEAR_RAD;
     c->guard_squared = MANIFOLD_MPC_GUARD_SQUARED;
-    c->deadline_s = INFINITY;
-    c->allowed = c->inside = 1;
+    c->whole_level = MANIFOLD_MPC_TERMINAL_LEVEL;
+    for (int i = 0; i < 3; ++i)
+        c->torque_limit_n_m[i] = torque_limit_n_m[i];
+@POINT@
     set_numbers(c->s.g);
-    c->level = c->s.g[PARAMETER + TERMINAL_LEVEL];
-    for (int i = 0; i < 18; ++i)
-        c->s.g[FORESEEN + i] = i % 9 % 4 == 0;
-    prepare(&c->s);
+    begin_controller(c);
     return mpc;
 }
 
@@ -98,29 +103,65 @@ static int write_rotation(const double q[4], double *R)
     return 1;
 }
 
-/* Plan in the net torque under a disturbance: the torque box moves, and the terminal level is cut
- * by the square of what the disturbance leaves of the limits. Return whether it is below them. */
-static int disturb(controller *c, const double d[3])
+/* Whether a disturbance is below the limits on the torque; then it is planned with. */
+static int take_disturbance(controller *c, const double d[3])
 {
-    for (int i = 0; i < 3; ++i) {
-        if (!(fabs(d[i]) < INFINITY))
+    for (int i = 0; i < 3; ++i)
+        if (!(fabs(d[i]) < c->torque_limit_n_m[i]))
             return 0;
-        c->disturbance_n_m[i] = d[i];
-    }
-#ifdef SHIFTED_TORQUE_BOX_DATA
-    static const double limit_n_m[3] = MANIFOLD_MPC_MAX_TORQUE_N_M;
-    double used = 0.0;
-    for (int i = 0; i < 3; ++i) {
-        if (!(fabs(d[i]) < limit_n_m[i]))
-            return 0;
-        used = fmax(used, fabs(d[i]) / limit_n_m[i]);
-        c->s.g[SHIFTED_TORQUE_BOX_DATA + 3 + i] = d[i] / c->torque_n_m;
-    }
-    double left = fmax(LEAST_SHARE, 1.0 - used);
-    if (HAS_TERMINAL_SET)
-        c->level = left * left * MANIFOLD_MPC_TERMINAL_LEVEL / c->cost;
-#endif
+    disturb(c, d);
     return 1;
+}
+
+/* Whether a reference can be planned about; none can. Its first attitude is the target then. */
+static int take_reference(controller *c, const manifold_mpc_state *state)
+{
+#ifdef REFERENCE
+    const long n = c->s.horizon;
+    const double *q = state->reference_xyzw, *rates = state->reference_rad_s;
+    double *to = c->reference + 9 * (n + 1);
+    if (q && !rates)
+        return 0;
+    for (long k = 0; q && k <= n; ++k)
+        if (!write_rotation(q + 4 * k, c->reference + 9 * k))
+            return 0;
+    for (long i = 0; q && i < 3 * (n + 1); ++i) {
+        if (!(fabs(rates[i]) < INFINITY))
+            return 0;
+        to[i] = rates[i];
+    }
+    if (q)
+        for (int i = 0; i < 9; ++i)
+            c->s.g[MEASURED + 9 + i] = c->reference[i];
+    set_reference(c, q != NULL);
+    return 1;
+#else
+    (void)c;
+    return state->reference_xyzw == NULL;
+#endif
+}
+
+static int take_directions(controller *c, const double *directions_N)
+{
+#ifdef AIM
+    return set_directions(c, directions_N);
+#else
+    (void)c;
+    return directions_N == NULL;
+#endif
+}
+
+/* Whether momenta of wheels are numbers, NaN among them; none: all at rest. */
+static int take_momenta(controller *c, const manifold_mpc_state *state)
+{
+    const double *momentum_n_m_s = state->wheel_momentum_n_m_s;
+    c->held = state->wheel_null_space_rests;
+    for (long i = 0; i < c->wheel_count; ++i) {
+        c->momentum[i] = momentum_n_m_s ? momentum_n_m_s[i] : 0.0;
+        if (fabs(c->momentum[i]) == INFINITY)
+            return 0;
+    }
+    return c->wheel_count > 0 || momentum_n_m_s == NULL;
 }
 
 int manifold_mpc_solve(manifold_mpc *mpc, const manifold_mpc_state *state,
@@ -133,9 +174,15 @@ int manifold_mpc_solve(manifold_mpc *mpc, const manifold_mpc_state *state,
     for (int i = 0; i < 3; ++i)
         g[MEASURED + 18 + i] = state->rate_rad_s[i];
     if (write_rotation(state->attitude_xyzw, g + MEASURED)
-        && write_rotation(state->target_xyzw, g + MEASURED + 9)
-        && disturb(c, state->disturbance_n_m)) {
+        && (state->reference_xyzw || write_rotation(state->target_xyzw, g + MEASURED + 9))
+        && take_disturbance(c, state->disturbance_n_m)
+        && take_directions(c, state->cone_directions_N)
+        && take_momenta(c, state) && take_reference(c, state)) {
         answer_state(c, 0);
+#ifdef REFERENCE
+        if (state->reference_xyzw)
+            (void)write_rotation(state->reference_xyzw + 4, g + FORESEEN + 9);
+#endif
     } else {
         c->warm = 0;
         c->answer[STATUS] = STATUS_FAILED;
@@ -152,8 +199,47 @@ int manifold_mpc_solve(manifold_mpc *mpc, const manifold_mpc_state *state,
     result->kkt_residual = failed ? INFINITY : answer[RESIDUAL];
     result->violation = failed ? INFINITY : answer[WORST];
     result->terminal_ratio = failed ? NAN : answer[RATIO];
+    result->limits_used = c->limits_used;
     result->torques_n_m = failed ? NULL : answer + TORQUES;
     result->rotations_NB = failed ? NULL : answer + TORQUES + 3 * n;
     result->rates_rad_s = failed ? NULL : answer + TORQUES + 3 * n + 9 * (n + 1);
     return result->status;
+}
+
+int manifold_mpc_advance(manifold_mpc *mpc, manifold_mpc_state *state, const double torque_n_m[3],
+                         double seconds)
+{
+    controller *c = &mpc->c;
+    double *g = c->s.g, q[4];
+    double steps = ceil(seconds / c->step_s), part = seconds / steps;
+    if (!(seconds > 0.0 && steps < 1e6))
+        return seconds == 0.0;
+    if (!write_rotation(state->attitude_xyzw, g + MEASURED))
+        return 0;
+    for (int i = 0; i < 9; ++i)
+        g[BODY + i] = g[PARAMETER + i];
+    for (int i = 0; i < 3; ++i) {
+        double torque = (torque_n_m[i] + state->disturbance_n_m[i]) / c->torque_n_m;
+        g[BODY + 9 + i] = 0.0;
+        g[APPLIED + i] = torque * (part / c->time_s) * (part / c->time_s);
+        g[MEASURED + 18 + i] = state->rate_rad_s[i] * part;
+    }
+    for (double done = 0.0; done < steps; done += 1.0) {
+        double momentum, squared = 0.0;
+        for (int i = 0; i < 3; ++i) {
+            momentum = 0.5 * g[APPLIED + i];
+            for (int j = 0; j < 3; ++j)
+                momentum += g[PARAMETER + 3 * i + j] * g[MEASURED + 18 + j];
+            squared += momentum * momentum;
+        }
+        if (!(squared < c->guard_squared))
+            return 0;
+        run_plant(c->s.plan, c->s.fresh, c->s.model, g, c->s.horizon);
+    }
+    quaternion_of(g + MEASURED, q);
+    for (int i = 0; i < 4; ++i)
+        state->attitude_xyzw[i] = q[(i + 1) % 4];
+    for (int i = 0; i < 3; ++i)
+        state->rate_rad_s[i] = g[MEASURED + 18 + i] / part;
+    return 1;
 }
