@@ -16,13 +16,14 @@ from cases import configuration
 from reference import closed_loop
 from strategies import generator, unit_vectors
 
-from manifold_mpc_ros.config.cones import Cone
+from manifold_mpc_ros.config.cones import Cone, directions, tightened
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.errors import DesignError
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.mpc.solution import SolveStatus
+from manifold_mpc_ros.terminal.cone_cut import cut_level, spread, target_margins_rad
 from manifold_mpc_ros.terminal.problem_of import terminal_design
 
 sys.path.insert(0, str(Path(__file__).parents[2] / 'benchmarks'))
@@ -156,3 +157,23 @@ def test_a_target_that_a_cone_forbids_is_held_off(controller: Make) -> None:
     assert kept.margins_rad(plan.R_NB[-1]) < 1e-3
     again = mpc.solve(so3.exp([0.2, 0.1, -0.5]), np.zeros(3))
     assert again.status == SolveStatus.CONVERGED
+
+
+def test_the_solver_cuts_the_terminal_set_of_every_target(cache_dir: str) -> None:
+    """As NumPy does, with a group and with directions that move."""
+    group = [Cone(name, axis, axis, 2.3, 'keep_in', 'any')
+             for name, axis in (('one', (0.0, 0.0, 1.0)), ('other', (0.0, 1.0, 0.0)))]
+    config = configuration(**SLOW | {'horizon': 10}, cones=[SUN, *group])
+    mpc, rng = AttitudeMpc(config, cache_dir=cache_dir, disturbed=True), generator('cut level')
+    for i in range(30):
+        R = so3.exp(rng.normal(size=3) * (0.3 if i % 3 else 2.0))
+        turns = so3.exp(np.arange(11)[:, None] * rng.normal(size=3) * 0.05)
+        given = {cone.name: turns @ cone.direction_N for cone in config.cones[:2]} if i % 2 else {}
+        seen = directions(config.cones, given, 10)
+        moved = np.linalg.norm(np.diff(seen, axis=0), axis=-1).max(axis=0)
+        margins = target_margins_rad(config, tightened(
+            config.cones, config.between_samples, moved.tolist()), R, seen)
+        level = cut_level(mpc.terminal.c, margins, spread(config, mpc.terminal.P))
+        mpc.solve(R, np.zeros(3), R, directions_N=given)
+        found = mpc.solver._controller
+        assert found.cone_level * found.allowed == pytest.approx(level, rel=1e-12)

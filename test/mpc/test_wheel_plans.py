@@ -17,7 +17,9 @@ from manifold_mpc_ros.dynamics.wheel_step import wheel_step
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
+from manifold_mpc_ros.mpc.scaling import scaling_of
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution, SolveStatus
+from manifold_mpc_ros.mpc.stages.inequalities import wheel_inequalities
 
 ARRAY = wheels()
 BOX = ARRAY.torques.box
@@ -151,6 +153,35 @@ def test_half_turns_with_momentum_stored_settle_within_every_limit(
         assert (np.abs(momentum) <= ARRAY.max_momentum_n_m_s * (1 + 1e-9)).all()
     assert so3.angle(R) < 1e-5
     assert np.abs(omega).max() < 1e-6
+
+
+@pytest.mark.parametrize('held', [False, True])
+@pytest.mark.parametrize('fails', [None, 2])
+def test_the_solver_gets_the_facets_of_what_wheels_give(
+    with_wheels: AttitudeMpc, fails: int | None, held: bool,
+) -> None:
+    """As NumPy has them: normals over bounds of both sets, and a box inside that of torques."""
+    momentum = np.where(np.arange(4) == fails, np.nan, STORED)
+    array, known = ARRAY.reported(momentum)
+    with_wheels.reset()
+    with_wheels.solve(np.eye(3), np.zeros(3), wheel_momentum_n_m_s=STORED)
+    with_wheels._wheels.held = held
+    with_wheels.solve(np.eye(3), np.zeros(3), wheel_momentum_n_m_s=momentum)
+    nu = STORED * array.available - array.inverse @ array.matrix @ STORED
+    left = np.maximum(ARRAY.max_momentum_n_m_s - np.abs(nu),
+                      np.abs(array.inverse @ array.matrix @ STORED))
+    sets = (array.held(left), array.held(array.max_torque_n_m)) if held else (
+        array.momenta, array.torques)
+    unit = scaling_of(with_wheels.config)
+    for each, zonotope, scale in zip(
+            wheel_inequalities(with_wheels.solver.structure), sets,
+            (unit.torque_n_m * unit.time_s, unit.torque_n_m)):
+        data = with_wheels.solver._global(each.data)
+        facets = data[:3 * each.rows // 2].reshape(3, -1).T[:len(zonotope.bounds)] / scale
+        np.testing.assert_allclose(facets, zonotope.normals / zonotope.bounds[:, None],
+                                   rtol=1e-12, atol=1e-9)
+    np.testing.assert_allclose(data[-3:] * unit.torque_n_m, sets[1].box, rtol=1e-12)
+    assert np.isnan(known).any() == (fails is not None)
 
 
 def shortest(mpc: AttitudeMpc, R: np.ndarray, momentum: np.ndarray, whole: bool

@@ -94,6 +94,22 @@ static int set_directions(controller *c, const double *given)
     return 1;
 }
 
+/* Take, of each member of a group, the cone that makes its mean of power 32 above 1 by itself, as
+ * plans keep the mean: 1 + cos theta' = n^(1/32) (1 + cos theta), next to nothing where none does. */
+static void take_alone(cone cones[CONE_COUNT])
+{
+    for (int i = 0; i < CONE_COUNT; ++i) {
+        double mean = 0.0;
+        for (int k = 0; k < CONE_COUNT; ++k)
+            mean += cone_places[k].value == cone_places[i].value;
+        for (int k = 0; k < 5; ++k)
+            mean = sqrt(mean);
+        double cosine = fmin(1.0, mean * (1.0 - cos(cones[i].half_angle_rad)) - 1.0);
+        if (cone_places[i].grouped)
+            cones[i].half_angle_rad = PI - fmax(1e-9, atan2(sqrt(1.0 - cosine * cosine), cosine));
+    }
+}
+
 /* Cut c so that no attitude of the set of the target R_ND violates a cone, where that is new. */
 static void aim(controller *c, const double *R_ND)
 {
@@ -107,6 +123,7 @@ static void aim(controller *c, const double *R_ND)
     if (same)
         return;
     read_cones(&c->s, cones);
+    take_alone(cones);
     for (long k = 0; k <= c->s.horizon; ++k)
         for (int i = 0; i < CONE_COUNT; ++i) {
             double axis[3], s[3], normal[3];
