@@ -189,7 +189,7 @@ class ControlLoop:
         """Return the command of a tick with what the monitor says; watch plans and the error."""
         solution, time_ns = command.solution, at.time_ns(self.sample)
         if solution is not None:
-            self.plan_watch.see(solution.status, solution.solve_time_s)
+            self.plan_watch.see(solution.status, solution.solve_time_s, solution.target_momentum)
         self.steady_error.see(self.sample, self.target, reduced=command.mode in _SOURCES)
         return self._law.judged(
             command, time_ns / NANOSECONDS,

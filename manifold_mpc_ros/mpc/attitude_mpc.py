@@ -144,7 +144,8 @@ class AttitudeMpc:
         if reference is not None:
             self.solver.foresee(reference.R_ND[1])
         return answer if wheel_momentum_n_m_s is None else answer._replace(
-            wheel_torque_n_m=self._wheels.motor_torques(answer))
+            wheel_torque_n_m=self._wheels.motor_torques(answer),
+            target_momentum=self._wheels.target_momentum(answer, state[2]))
 
     def solve_local(self, R_NB: ArrayLike, omega_BN_B: ArrayLike) -> AttitudeMpcSolution:
         """Map a measured state to the plan of one cold start, the short way; for measuring."""

@@ -43,6 +43,8 @@ class AttitudeMpcSolution(NamedTuple):
     the measured state, at most 1 inside the terminal set. ``solve_time_s`` is the whole call,
     ``local_time_s`` the part of it that the local solver took, without the Python around it.
     ``wheel_torque_n_m`` (n,) are the motor torques of the first step, where momenta were given.
+    ``target_momentum`` is what wheels have to store at rest at the target, in parts of what they
+    can: above 1 they cannot hold it.
     ``limits_used`` is the largest part of a torque or rate limit that reference and disturbance
     use over the horizon.
     """
@@ -63,6 +65,7 @@ class AttitudeMpcSolution(NamedTuple):
     local_time_s: float = float('nan')
     wheel_torque_n_m: Array | None = None
     limits_used: float = 0.0
+    target_momentum: float = 0.0
 
 
 def failed(R_NB: ArrayLike, omega_BN_B: ArrayLike, horizon: int, elapsed_s: float,

@@ -42,6 +42,19 @@ class WheelKeeper:
             self._working, momentum = self._config.wheels.reported(momentum_n_m_s)
             self._solver.set_momentum(momentum, self.held)
 
+    def target_momentum(self, plan: AttitudeMpcSolution, R_ND: Array) -> float:
+        """Return what is to be stored at rest at R_ND, in parts of what wheels that work can.
+
+        0 for a failed plan, and for pointing, whose roll is free.
+        """
+        wheels, momentum = self._working, self._solver.momentum_n_m_s
+        free = self._config.target != 'attitude'
+        if wheels is None or free or plan.status is SolveStatus.FAILED:
+            return 0.0
+        stored = wheels.axes_B.T @ momentum
+        total_N = plan.R_NB[0] @ (self._config.inertia_kg_m2 @ plan.omega_BN_B[0] + stored)
+        return wheels.momenta.gauge(R_ND.T @ total_N - stored + wheels.matrix @ momentum)
+
     def motor_torques(self, plan: AttitudeMpcSolution) -> Array:
         """Return motor torques (n,) of a plan's first step [N m] that leave its rest possible.
 

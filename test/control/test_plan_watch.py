@@ -21,6 +21,16 @@ def test_a_horizon_without_a_plan_into_the_set_is_named_until_there_is_one() -> 
     assert watch.warnings == {}
 
 
+def test_momentum_that_wheels_cannot_store_at_the_target_is_named_instead_of_the_horizon() -> None:
+    watch = PlanWatch(configuration(**CERTIFIED))
+    for _ in range(30):
+        watch.see(SolveStatus.INFEASIBLE, 0.0, 1.25)
+        assert list(watch.warnings) == ['momentum']
+    assert 'store 1.25 of what they can' in watch.warnings['momentum']
+    watch.see(SolveStatus.CONVERGED, 0.0, 0.99)
+    assert watch.warnings == {}
+
+
 def test_solves_longer_than_the_period_are_named_while_they_are_many() -> None:
     config = configuration(**CERTIFIED)
     watch = PlanWatch(config)
