@@ -8,7 +8,8 @@ Closed loops of half turns, random states, tumbling, rates beyond the limits, di
 targets, on the shipped controller with its horizon and with one of which many of these states are
 outside D_N; status and torque against Python's. Code, stack and memory for horizons of 10, 20 and
 40 on a Cortex-M7, and the instructions of a call there, as QEMU counts them. With --target, what
-the file has of others stays.
+the file has of others stays. --capability NAME compares what a problem may have besides, in loops
+of 200 steps on the host's gcc, and their sizes on a Cortex-M7.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'test' / 'export'))
 from campaign_of_states import loops
 from targets import STATUSES, TARGETS, Target, answers, built, stack_bytes
 
-from manifold_mpc_ros import AttitudeMpc, AttitudeMpcConfig
+from manifold_mpc_ros import AttitudeMpc, AttitudeMpcConfig, Cone, WheelArray
 from manifold_mpc_ros.cli.arguments import controller_config_path
 from manifold_mpc_ros.lab.export.bounds import bounds
 from manifold_mpc_ros.lab.export.sources import exported, memory_doubles
@@ -38,13 +39,27 @@ from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.stages.inequalities import structure_of
 
 HORIZONS = (10, 20, 40)
-TICKS = 25
+TICKS, LONG_TICKS = 25, 200
+# What two solves of states that differ in their last bits may differ by, each converged.
+CONVERGED_N_M = 1e-6
+# What is changed of the shipped parameters, whether targets move, by what part of a step torque is
+# late. One cone by itself and a group of two; the pyramid of wheels that the parameters describe.
+_CONES = [Cone('sun', (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0.3),
+          *(Cone(name, axis, axis, 2.3, 'keep_in', 'any')
+            for name, axis in (('one', (0.0, 0.0, 1.0)), ('other', (0.0, 1.0, 0.0))))]
+_WHEELS = WheelArray([[1, 1, 1], [-1, 1, 1], [-1, -1, 1], [1, -1, 1]], 0.5, 4.0)
+CAPABILITIES: dict[str, tuple[dict[str, Any], bool, float]] = {
+    'cones': ({'cones': _CONES}, False, 0.0), 'wheels': ({'wheels': _WHEELS}, False, 0.0),
+    'references': ({}, True, 0.0), 'delay': ({}, False, 0.7),
+    'steps that grow': (
+        {'max_rate_rad_s': 0.3, 'horizon': 12, 'horizon_s': 7.0}, False, 0.0),
+    'cones, wheels and references': ({'cones': _CONES, 'wheels': _WHEELS}, True, 0.0)}
 
 
-def write(folder: Path, mpc: AttitudeMpc) -> Path:
+def write(folder: Path, mpc: AttitudeMpc, moving: bool = False) -> Path:
     """Export a controller into a folder."""
     folder.mkdir(parents=True)
-    for name, text in exported(mpc.config, mpc.terminal).items():
+    for name, text in exported(mpc.config, mpc.terminal, moving=moving).items():
         (folder / name).write_text(text, encoding='utf-8')
     return folder
 
@@ -75,6 +90,25 @@ def sizes(target: Target, folder: Path) -> dict[str, int]:
             'stack_bytes': stack_bytes(folder)}
 
 
+def capability(name: str, count: int, shipped: AttitudeMpcConfig, folder: Path) -> dict[str, Any]:
+    """Return how the host's gcc answers so many states, and the sizes on a Cortex-M7."""
+    change, moving, late = CAPABILITIES[name]
+    config = replace(shipped, **change)
+    mpc = AttitudeMpc(config, disturbed=True, moving=moving)
+    sources = write(folder / 'c', mpc, moving)
+    states, python = loops(mpc, -(-count // LONG_TICKS), LONG_TICKS, name, moving=moving,
+                           late_s=late * config.step_s)
+    row = compared(answers(TARGETS['gcc'], built(TARGETS['gcc'], sources, folder), states, 7200.0),
+                   python)
+    row['statuses'] = {str(each): int((python[:, 0] == i).sum())
+                       for i, each in enumerate(STATUSES)}
+    if not TARGETS['cortex-m7'].missing:
+        built(TARGETS['cortex-m7'], sources, folder)
+        row['cortex_m7'] = {**sizes(TARGETS['cortex-m7'], folder), 'memory_bytes': 8 * (
+            memory_doubles(config, structure_of(config, disturbed=True, moving=moving)))}
+    return row
+
+
 def main() -> int:
     """Run, write; 1 where a target answers otherwise."""
     parser = argparse.ArgumentParser(description=__doc__.split('\n', 1)[0])
@@ -83,11 +117,26 @@ def main() -> int:
     parser.add_argument('--cortex-m7-states', type=int, default=10000, metavar='N',
                         help='the first N of these: the emulated processor is slow')
     parser.add_argument('--target', choices=TARGETS, action='append', help='this one alone')
+    parser.add_argument('--capability', choices=CAPABILITIES, action='append', default=[],
+                        help='compare this instead')
     arguments = parser.parse_args()
     shipped = AttitudeMpcConfig.from_yaml(controller_config_path(None))
-    report: dict[str, Any] = {'targets': {}, 'cortex_m7': {}}
-    if arguments.target and arguments.output.exists():
+    report: dict[str, Any] = {}
+    if arguments.output.exists():
         report = json.loads(arguments.output.read_text(encoding='utf-8'))
+    if not (arguments.target or arguments.capability):
+        report = {'targets': {}, 'cortex_m7': {},
+                  **{key: each for key, each in report.items() if key == 'capabilities'}}
+    for name in arguments.capability:
+        with tempfile.TemporaryDirectory() as place:
+            row = capability(name, arguments.states, shipped, Path(place))
+        print(f'{name}: {row}', flush=True)
+        report.setdefault('capabilities', {})[name] = row
+        arguments.output.write_text(json.dumps(report, indent=2) + '\n', encoding='utf-8')
+    if arguments.capability:
+        rows = [(name, report['capabilities'][name]) for name in arguments.capability]
+        return int(any(row['other_status'] > 0 or not row['largest_torque_difference_n_m'] < (
+            CONVERGED_N_M if CAPABILITIES[name][2] else 1e-9) for name, row in rows))
     with tempfile.TemporaryDirectory() as name:
         folder, right = Path(name), True
         for horizon in HORIZONS:

@@ -186,6 +186,19 @@ def exported_targets(data: dict[str, Any]) -> str:
                  rows)
 
 
+def exported_capabilities(data: dict[str, Any]) -> str:
+    """Return how it agrees with what a problem may have besides, and sizes on a Cortex-M7."""
+    rows = []
+    for name, each in data['capabilities'].items():
+        target = each['cortex_m7']
+        rows.append([name, f'{each["states"]:,}', 'yes' if each['same_bits'] else 'no',
+                     str(each['other_status']), f'{each["largest_torque_difference_n_m"]:.1e}',
+                     *(f'{target[key] / 1024:.1f}'
+                       for key in ('code_bytes', 'stack_bytes', 'memory_bytes'))])
+    return table(['with', 'states', 'same bits', 'other status', 'torque differs by [N m]',
+                  'code [KiB]', 'stack [KiB]', 'memory [KiB]'], rows)
+
+
 def exported_sizes(data: dict[str, Any]) -> str:
     """Return sizes and instructions on a Cortex-M7."""
     rows = []

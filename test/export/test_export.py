@@ -41,7 +41,6 @@ PYRAMID = WheelArray([[1, 1, 1], [-1, 1, 1], [-1, -1, 1], [1, -1, 1]], 0.3, 5.0)
 CAPABILITIES: dict[str, tuple[dict[str, Any], bool]] = {
     'cones': ({'cones': [SUN, *ANY], 'horizon': 10}, False),
     'wheels': ({'wheels': PYRAMID, 'max_torque_n_m': None}, False),
-    'references': ({}, True),
     'pointing after a direction': ({'target': 'pointing', 'horizon': 12}, True),
     'steps that grow': ({'max_rate_rad_s': 0.3, 'horizon': 12, 'horizon_s': 7.0}, False),
     'cones, wheels and references': (
@@ -142,7 +141,9 @@ def test_a_state_is_moved_on_by_the_delay_as_python_does(
     states, python = loops(mpc, 6, 10, 'delay', late_s=0.7 * mpc.config.step_s)
     found = answers(TARGETS['gcc'], gcc_program, states)[:, :11]
     assert np.array_equal(found[:, 0], python[:, 0])
-    assert np.abs(found[:, 8:] - python[:, 8:]).max() < TORQUE_TOLERANCE_N_M
+    np.testing.assert_allclose(found[:, 3], python[:, 3], rtol=1e-9)
+    # The state is NumPy's but for its last bits, so a pass more or less is possible.
+    assert np.abs(found[:, 8:] - python[:, 8:]).max() < 1e-6
 
 
 def test_bad_states_fail_with_zero_torque_and_leave_no_trace(
