@@ -5,7 +5,6 @@
     python benchmarks/bodies.py best-known bodies.jsonl      # 3,000 instances: about an hour
     python benchmarks/bodies.py ipopt bodies.jsonl           # the shorter horizons first
     python benchmarks/bodies.py judge bodies.jsonl --output docs/results/bodies.json
-    python benchmarks/bodies.py again docs/results/bodies.json --output bodies_again.json
 
 Body, weights, length of the horizon in time and steps are drawn at random, and four turns each.
 Every instance is solved at two horizons with the same step, the second half as long again, and a
@@ -13,13 +12,12 @@ second time 0.3 degrees beside the turn. The best known plan (best_known.py) is 
 by no rule of the search, and of IPOPT from 18 starts where it was asked; a cost that either found
 at the shorter horizon is known at the longer one too. It does not depend on the search, so it is
 kept in a file to which both commands append, and go on where they stopped, from that of
-docs/results/bodies_known.jsonl too; so does ``judge`` (bodies.judged: to be removed when the
-search has changed). Counted by ``judge`` are plans dearer
+docs/results/bodies_known.jsonl too; so does ``judge`` (bodies.judged and bodies.designed: to be
+removed when the search has changed). Counted by ``judge`` are plans dearer
 than that by more than 1e-6; costs that rise with the horizon, or by more than 2 % within 0.3
 degrees; states called infeasible from which some start, `domain` or IPOPT finds a plan, and the
 other way round. The smallest horizon of a turn is searched as `design` does it: the controller has
 to find a plan at every instance that is as long, at that horizon itself, and none one step below.
-``again`` solves those that were counted once more: what became of them since.
 Exit status 1 when the promise of docs/solver.md does not hold.
 """
 
@@ -94,9 +92,8 @@ def judge(known: Known, path: Path) -> list[list[dict[str, Any]]]:
     there = {pair[0]['number'] for pair in pairs}
     for number, rows in itertools.groupby(known.rows(), key=lambda row: row[0]):
         if len(list(rows)) == 2 and number not in there:
-            solved = list(controllers(number))
-            pairs.append([judged(*each) for each in solved])
-            pairs[-1][-1].update(smallest(*solved[-1][1:]))
+            pairs.append([judged(instance, mpc, vector)
+                          for instance, mpc, vector in controllers(number)])
             with path.open('a', encoding='utf-8') as file:
                 file.write(json.dumps(pairs[-1]) + '\n')
     for row in itertools.chain.from_iterable(pairs):
@@ -118,6 +115,19 @@ def judged(instance: dict[str, Any], mpc: AttitudeMpc, vector: Array) -> dict[st
             'feasible': plan.status in (SolveStatus.CONVERGED, SolveStatus.FEASIBLE),
             'beside_feasible': beside.status != SolveStatus.INFEASIBLE,
             'solve_time_s': plan.solve_time_s}
+
+
+def designed(numbers: list[int], path: Path) -> dict[int, dict[str, Any]]:
+    """Ask `design` about every instance that is not in the file yet; return what it says."""
+    lines = path.read_text(encoding='utf-8').splitlines() if path.exists() else []
+    found = {row['number']: row for row in map(json.loads, lines)}
+    for number in numbers:
+        if number not in found:
+            *_, (_, mpc, vector) = controllers(number)
+            found[number] = {'number': number, **smallest(mpc, vector)}
+            with path.open('a', encoding='utf-8') as file:
+                file.write(json.dumps(found[number]) + '\n')
+    return found
 
 
 def smallest(mpc: AttitudeMpc, vector: Array) -> dict[str, Any]:
@@ -170,34 +180,15 @@ def summary(pairs: list[list[dict[str, Any]]]) -> dict[str, Any]:
     }
 
 
-def again(path: Path) -> dict[str, Any]:
-    """Solve what a file of figures counts as dearer than the best known once more."""
-    before = json.loads(path.read_text(encoding='utf-8'))
-    rows = []
-    for row in before['exceptions']:
-        cost = next(mpc.solve(so3.exp(vector), np.zeros(3)).cost
-                    for instance, mpc, vector in controllers(row['number'])
-                    if instance['horizon'] == row['horizon'])
-        rows.append({name: row[name] for name in ('number', 'body', 'horizon', 'best')} | {
-            'excess_before': row['cost'] / row['best'] - 1, 'excess': cost / row['best'] - 1})
-    excess = np.array([row['excess'] for row in rows])
-    return {'instances': before['instances'], 'worse_before': len(rows),
-            'worse': int(np.sum(excess > WORSE)), 'largest_excess': float(excess.max()),
-            'exceptions': rows}
-
-
 def main() -> int:
     """Run a command; ``judge`` writes the figures."""
     parser = argparse.ArgumentParser(description='the search on many bodies')
-    parser.add_argument('command', choices=('best-known', 'ipopt', 'judge', 'again'))
-    parser.add_argument('known', type=Path,
-                        help='file of best known costs, JSON lines; of figures for again')
+    parser.add_argument('command', choices=('best-known', 'ipopt', 'judge'))
+    parser.add_argument('known', type=Path, help='file of best known costs, JSON lines')
     parser.add_argument('--instances', type=int, default=1500, help='each at two horizons')
     parser.add_argument('--longest', type=int, default=30, help='horizon that IPOPT is asked for')
     parser.add_argument('--output', type=Path, help='JSON file')
     arguments = parser.parse_args()
-    if arguments.command == 'again':
-        return _written(again(arguments.known), arguments.output)
     known = Known(arguments.known)
     if arguments.command == 'best-known':
         find_best_known(known, arguments.instances)
@@ -205,18 +196,18 @@ def main() -> int:
     if arguments.command == 'ipopt':
         ask_ipopt(known, arguments.longest)
         return 0
-    result = summary(judge(known, arguments.known.with_suffix('.judged')))
-    return _written(result, arguments.output)
-
-
-def _written(result: dict[str, Any], output: Path | None) -> int:
-    """Print and write figures; return 1 when they are not what is promised."""
+    pairs = judge(known, arguments.known.with_suffix('.judged'))
+    found = designed([pair[0]['number'] for pair in pairs],
+                     arguments.known.with_suffix('.designed'))
+    for pair in pairs:
+        pair[-1].update(found[pair[0]['number']])
+    result = summary(pairs)
     print({**result, 'exceptions': len(result['exceptions'])})
-    if output:
-        output.write_text(json.dumps(result, indent=1) + '\n', encoding='utf-8')
+    if arguments.output:
+        arguments.output.write_text(json.dumps(result, indent=1) + '\n', encoding='utf-8')
     kept = (result['worse'] <= PART_WORSE * result['instances']
             and result['largest_excess'] <= MOST_WORSE)
-    return int(not kept or any(result.get(name) for name in (
+    return int(not kept or any(result[name] for name in (
         'rises_with_horizon', 'false_infeasible', 'solve_and_domain_differ',
         'solve_and_design_differ')))
 

@@ -133,24 +133,25 @@ static int goes_before(const solve *s, const plan *other)
     return 0;
 }
 
-/* Whether a start that is under way ends above the least cost: by twice the decrease that the
- * models of its last passes expect, and by the gap that the barrier leaves, its cost does not come
- * down to that. */
-static int is_hopeless(const solve *s, const double falls[3], double least)
+/* Whether a start that is under way ends above the least cost: by so many times the decrease that
+ * the models of its last passes expect, and by the gap that the barrier leaves, its cost does not
+ * come down to that. */
+static int is_hopeless(const solve *s, const double falls[3], double least, double times)
 {
     double fall = fmax(falls[0], fmax(falls[1], falls[2]));
     double gap = BARRIER_GAP * (double)s->horizon * s->mu;
-    return s->cost - EXPECTED_FALLS * fall - gap > least + HOPELESS * fabs(least);
+    return s->cost - times * fall - gap > least + HOPELESS * fabs(least);
 }
 
 /* Run a start to its end, or until it cannot win against the least cost. Return whether it gave
  * a plan. */
-static int run_start(controller *c, double least)
+static int run_start(controller *c, double least, double times)
 {
     solve *s = &c->s;
     double falls[3] = {INFINITY, INFINITY, INFINITY};
     iterate(s, least < INFINITY ? JUDGED_PASSES - 3 : MOST_PASSES, c->deadline_s);
-    while (s->flag == RUNNING && s->passes < MOST_PASSES && !is_hopeless(s, falls, least)) {
+    while (s->flag == RUNNING && s->passes < MOST_PASSES
+           && !is_hopeless(s, falls, least, times)) {
         iterate(s, s->passes + 1, c->deadline_s);
         falls[s->passes % 3] = s->decrease;
     }
@@ -173,13 +174,14 @@ static double take_better(controller *c, plan *best, double least)
 static int search_starts(controller *c, plan *best, double steps, int patient)
 {
     double least = INFINITY, begun_s = now_s();
+    double times = c->s.horizon > MANY_STEPS ? EXPECTED_FALLS_MANY : EXPECTED_FALLS;
     for (long i = 0; i < c->start_count; ++i) {
         if (!patient && !is_due(c, c->starts[i]))
             continue;
         if (least < INFINITY && is_over(c->deadline_s))
             break;
         begin_start(&c->s, c->starts[i], steps);
-        if (run_start(c, patient ? INFINITY : least))
+        if (run_start(c, patient ? INFINITY : least, times))
             least = take_better(c, best, least);
     }
     c->local_s += now_s() - begun_s;
@@ -207,7 +209,7 @@ static int search_ways(controller *c, int found, int with_set)
             break;
         via(take_way(c->ways), by);
         begin_way(&c->s, by);
-        if (run_start(c, least))
+        if (run_start(c, least, EXPECTED_FALLS))
             least = take_better(c, &c->best, least);
     }
     c->local_s += now_s() - begun_s;
@@ -338,7 +340,7 @@ static int find_locally(controller *c)
     c->reported = NULL;
     double begun_s = now_s();
     begin_start(&c->s, short_way, 0.0);
-    int found = run_start(c, INFINITY);
+    int found = run_start(c, INFINITY, EXPECTED_FALLS);
     c->local_s += now_s() - begun_s;
     if (found)
         keep(c, &c->best);

@@ -58,10 +58,11 @@ COLD_BARRIER = 1.0
 # Passes of a start at most. Every start but the first ends after JUDGED_PASSES or more when its
 # cost, less EXPECTED_FALLS times the largest decrease that the models of three passes expect and
 # BARRIER_GAP times steps and mu, is above the best by this part of it. Judged so after 20 passes
-# or one pass alone, some starts end on their way to the best plan (benchmarks/bodies.py).
+# or one pass alone, some starts end on their way to the best plan; on horizons of many steps, for
+# which such ways are longer, with so few falls too (benchmarks/bodies.py).
 MOST_PASSES = 200
 JUDGED_PASSES = 22
-EXPECTED_FALLS, BARRIER_GAP = 2.0, 12.0
+EXPECTED_FALLS, EXPECTED_FALLS_MANY, BARRIER_GAP = 2.0, 40.0, 12.0
 HOPELESS = 1e-4
 # A leaning start holds its octant for this part of the bang-bang slew, and no fewer steps.
 LEAN_PART = 0.25
