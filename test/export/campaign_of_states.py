@@ -70,9 +70,12 @@ class Extras:
 
 
 def unit(direction: Array) -> Array:
-    """Return a direction of length 1 that normalising does not change any more."""
-    once = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
-    return direction if np.array_equal(direction, once) else unit(once)
+    """Return about this direction, of a length that normalising does not change any more."""
+    while True:
+        direction = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
+        if np.linalg.norm(direction, axis=-1) == 1.0:
+            return direction
+        direction = direction + 1e-12 * np.arange(1, 4)  # some would go to and fro
 
 
 def loops(mpc: AttitudeMpc, count: int, ticks: int, key: str, *, moving: bool = False,
