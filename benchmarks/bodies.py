@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Hold the search against many starts on bodies from a PocketQube to a space station.
 
-    python benchmarks/bodies.py best-known bodies.jsonl      # 3,000 instances: about an hour
+    python benchmarks/bodies.py best-known bodies.jsonl      # 3,000 instances: 20 minutes
     python benchmarks/bodies.py ipopt bodies.jsonl           # the shorter horizons first
     python benchmarks/bodies.py judge bodies.jsonl --output docs/results/bodies.json
 
