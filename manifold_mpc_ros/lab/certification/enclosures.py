@@ -26,14 +26,14 @@ KINDS = ('attitude', 'pointing', 'double integrator')
 
 # Limits that a certificate names where the configuration has them.
 _WHERE_GIVEN = {'rate_ellipsoid_s2', 'max_rate_norm_rad_s', 'max_kinetic_energy_j', 'cones',
-                'wheels', 'thrusters', 'horizon_s'}
+                'wheels', 'thrusters', 'horizon_s', 'keep_rate_between_samples'}
 
 
 def describe(config: AttitudeMpcConfig) -> tuple[str, dict[str, Any]]:
     """Map a configuration to (kind, values), the values plain JSON that keeps every bit."""
     values = {entry.name: _plain(getattr(config, entry.name)) for entry in fields(config)}
     return config.target, {name: value for name, value in values.items()
-                           if name not in _WHERE_GIVEN or value not in (None, [], 0.0)}
+                           if name not in _WHERE_GIVEN or value not in (None, [], 0.0, False)}
 
 
 def configuration_of(values: Mapping[str, Any]) -> AttitudeMpcConfig:
