@@ -3,9 +3,10 @@
 """What the deterministic global search of a configuration begins with (backends/search.c).
 
 Starts: the short way, the long way, and (with a torque limit) all eight octants of first
-torque; on horizons of many steps also full torque about one axis or two, and octants the long way
-round. A planar slew is a stationary point that is up to 37 % worse than the best known plan
-(test_global.py), and no descent method leaves it; the octants do.
+torque; on horizons of many steps, and with weights that make turns nearly time-optimal, also full
+torque about one axis or two, and octants the long way round. A planar slew is a stationary point
+that is up to 37 % worse than the best known plan (test_global.py), and no descent method leaves
+it; the octants do.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.lie.arrays import Array
-from manifold_mpc_ros.mpc.program.options import MANY_STEPS
+from manifold_mpc_ros.mpc.program.options import FAR_TURN, MANY_STEPS
 from manifold_mpc_ros.mpc.scaling import scaling_of
 from manifold_mpc_ros.terminal.manifold import tangent_basis
 
@@ -35,7 +36,7 @@ def starts(config: AttitudeMpcConfig) -> Array:
         first, second = tangent_basis(config.pointing_axis_B).T
         leans = [] if attitude else [
             (*lean.tolist(), 0.0) for lean in (first, -first, second, -second)]
-    elif attitude and config.horizon > MANY_STEPS:
+    elif attitude and (config.horizon > MANY_STEPS or FAR_TURN * linear_rad(config) < np.pi):
         axes = [(*lean, 0.0) for lean in np.vstack([np.eye(3), -np.eye(3)]).tolist()]
         pairs = [(*lean, 0.0) for lean in itertools.product((1.0, 0.0, -1.0), repeat=3)
                  if lean.count(0.0) == 1]

@@ -28,9 +28,6 @@ from manifold_mpc_ros.mpc.scaling import scaling_of
 from manifold_mpc_ros.mpc.solution import SolveStatus
 from manifold_mpc_ros.terminal.design import TerminalDesign
 
-# Passes between two looks at whether a plan is feasible.
-_PASSES_BETWEEN = 4
-
 
 class Feasibility:
     """The search for one feasible plan of ``config.horizon`` steps."""
@@ -56,7 +53,7 @@ class Feasibility:
                 progress = self._solver.progress
                 if progress.flag != options.RUNNING or progress.passes >= options.MOST_PASSES:
                     break
-                self._solver.iterate(progress.passes + _PASSES_BETWEEN)
+                self._solver.iterate(progress.passes + options.LOOK_PASSES)
             else:
                 return self._solver.field(f.TORQUE)[:-1] * self._unit.torque_n_m
         self._mpc.reset()

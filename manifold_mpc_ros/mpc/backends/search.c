@@ -45,6 +45,12 @@ static int reaches_set(controller *c, const plan *p)
     return c->allowed && missed(c, p) <= VIOLATION;
 }
 
+/* ... and keeps every limit. */
+static int is_inside(controller *c, const plan *p)
+{
+    return reaches_set(c, p) && c->s.g[LARGEST_VIOLATION] <= VIOLATION;
+}
+
 /* How many steps a bang-bang slew takes, by torque limits alone: 2 sqrt(angle / acceleration). */
 static double slew_steps(const controller *c)
 {
@@ -60,30 +66,46 @@ static int leans(const double *from)
     return (from[0] != 0.0) + (from[1] != 0.0) + (from[2] != 0.0);
 }
 
+/* Whether the weights make a turn nearly time-optimal: its torque costs little beside it. */
+static int is_quick(const controller *c)
+{
+    const double *state = c->s.g + STATE_REPORT;
+    return state[2] + state[3] > FAR_TURN * c->linear_rad;
+}
+
+/* Whether a plan has many local minima: that of a horizon with many steps, and that of a nearly
+ * time-optimal turn. */
+static int has_many_minima(const controller *c)
+{
+    return c->s.horizon > MANY_STEPS || is_quick(c);
+}
+
 /* Whether a start can lead to the best plan from a state. The short way always can; the long way
  * when enough is left to turn. Out of the plane it is better where the slew's own torque is nearly
  * a single component, so that the other two can help, the more so the weaker that component is
  * against what they can do; anywhere beside the half turn for a body that is much quicker about
- * another axis; and in any long turn whose slew is all but one component, or whose horizon has so
- * many steps that the plan can shape it; the long way round where that is little longer; with two
- * components where the slew itself has many steps. Found by comparison with all starts
- * (docs/solver.md), not proved. */
+ * another axis; and in any long turn whose slew is all but one component, or that has many minima;
+ * then along single axes too, the long way round where that is little longer, and with two
+ * components where the slew itself has many steps or is nearly time-optimal. Found by comparison
+ * with all starts (docs/solver.md), not proved. */
 static int is_due(const controller *c, const double *from)
 {
     const double *state = c->s.g + STATE_REPORT;
     double turn = state[2] + state[3], second = state[4], weakness = state[5];
     if (!leans(from))
         return from[3] == 0.0 || turn > LONG_WAY_RAD;
-    if (from[3] != 0.0)
-        return turn > LEAN_LONG_RAD;
     if (POINTING)
         return turn > POINTING_RAD;
-    if (leans(from) == 2 && slew_steps(c) <= LONG_SLEW_STEPS)
+    if ((from[3] != 0.0 || leans(from) < 3) && !has_many_minima(c))
+        return 0;
+    if (from[3] != 0.0)
+        return turn > LEAN_LONG_RAD;
+    if (leans(from) == 2 && slew_steps(c) <= LONG_SLEW_STEPS && !is_quick(c))
         return 0;
     double beside = PI - turn;
     return (second < 0.25 && beside < 0.05 + 0.17 * (weakness - 1.0))
-        || (turn > LEAN_RAD && (second < ALONE || c->s.horizon > MANY_STEPS))
-        || (second < ALONE && turn > FAR_TURN * c->linear_rad)
+        || (turn > LEAN_RAD && (second < ALONE || has_many_minima(c)))
+        || (second < ALONE && is_quick(c))
         || (beside < 0.035 && weakness > 2.0);
 }
 
@@ -96,7 +118,8 @@ static void flip(solve *s)
 /* Begin a cold start of a slew of so many periods. */
 static void begin_start(solve *s, const double *from, double steps)
 {
-    double held = fmax((double)LEAN_STEPS, rint(LEAN_PART * steps));
+    double part = leans(from) == 2 ? LEAN_PART_OF_TWO : LEAN_PART;
+    double held = fmax((double)LEAN_STEPS, rint(part * steps));
     long most = 0;
     for (double time = 0.0; most < s->horizon / 2 && time < held; ++most)
         time += s->model[AT(MODEL_ROWS, INNER, most)];
@@ -169,19 +192,53 @@ static double take_better(controller *c, plan *best, double least)
     return lowest;
 }
 
-/* Find the best of starts that are due (of all, patiently: none ends for its cost) and a plan that
- * may be known; return whether there is one. After the deadline no further start begins. */
-static int search_starts(controller *c, plan *best, double steps, int patient)
+/* Copy the stages of a plan, so many later. */
+static void copy_stages(const controller *c, double *to, const double *from, long later)
+{
+    for (long k = c->s.horizon; k >= 0; --k)
+        for (int row = 0; row < TRAJECTORY_ROWS; ++row)
+            to[AT(TRAJECTORY_ROWS, row, k + later)] = from[AT(TRAJECTORY_ROWS, row, k)];
+}
+
+/* Run a start with the terminal set to its end, and keep as the best plan the cheapest below a cost
+ * that keeps every limit and ends in the set; lower the cost to its. At the edge of D_N such plans
+ * lie on the way of a start whose end has bought a violation. Return whether it gave a plan. */
+static int run_inside(controller *c, double *inside)
+{
+    solve *s = &c->s;
+    for (;;) {
+        plan under_way = {s->plan, s->cost, s->products > s->stationarity ? s->products
+                          : s->stationarity, s->flag};
+        c->reported = NULL;
+        if (s->cost < *inside && is_inside(c, &under_way)) {
+            copy_stages(c, c->best.memory, s->plan, 0);
+            under_way.memory = c->best.memory;
+            c->best = under_way;
+            *inside = s->cost;
+        }
+        if (s->flag != RUNNING || s->passes >= MOST_PASSES)
+            break;
+        iterate(s, s->passes + LOOK_PASSES, c->deadline_s);
+    }
+    c->reported = NULL;
+    c->passes += s->passes;
+    return s->passes > 0 && fabs(s->cost) < INFINITY;
+}
+
+/* Find the best of starts that are due; return whether there is one. With `inside`, of all, none
+ * of which ends for its cost, and the best plan inside too (run_inside). After the deadline no
+ * further start begins. */
+static int search_starts(controller *c, plan *best, double steps, double *inside)
 {
     double least = INFINITY, begun_s = now_s();
-    double times = c->s.horizon > MANY_STEPS ? EXPECTED_FALLS_MANY : EXPECTED_FALLS;
+    double times = has_many_minima(c) ? EXPECTED_FALLS_MANY : EXPECTED_FALLS;
     for (long i = 0; i < c->start_count; ++i) {
-        if (!patient && !is_due(c, c->starts[i]))
+        if (!inside && !is_due(c, c->starts[i]))
             continue;
         if (least < INFINITY && is_over(c->deadline_s))
             break;
         begin_start(&c->s, c->starts[i], steps);
-        if (run_start(c, patient ? INFINITY : least, times))
+        if (inside ? run_inside(c, inside) : run_start(c, least, times))
             least = take_better(c, best, least);
     }
     c->local_s += now_s() - begun_s;
@@ -228,7 +285,7 @@ static int search(controller *c, int with_set)
     c->searched = 1;
     c->reported = NULL;
     use_set(c, with_set);
-    int found = search_ways(c, search_starts(c, &c->best, slew_steps(c), 0), with_set);
+    int found = search_ways(c, search_starts(c, &c->best, slew_steps(c), NULL), with_set);
     if (found && c->warm) {
         use_set(c, with_set);
         begin_shift(&c->s, SHIFTED_BARRIER, c->kept.memory);
@@ -257,19 +314,18 @@ static int improve_into(controller *c, plan *to, const plan *from, int with_set)
 /* Find a plan into the terminal set near the best one, which misses it, else near any start. */
 static int bend(controller *c, double steps)
 {
-    for (long k = c->s.horizon; k >= 0; --k)    /* one stage later: shifted, it begins with it */
-        for (int row = 0; row < TRAJECTORY_ROWS; ++row)
-            c->other.memory[AT(TRAJECTORY_ROWS, row, k + 1)] =
-                c->best.memory[AT(TRAJECTORY_ROWS, row, k)];
-    int found = improve_into(c, &c->other, &c->other, 1) && reaches_set(c, &c->other);
+    double inside = INFINITY;
+    copy_stages(c, c->other.memory, c->best.memory, 1);     /* shifted, it begins with it */
+    int found = improve_into(c, &c->other, &c->other, 1) && is_inside(c, &c->other);
     if (!found) {
         c->reported = NULL;
         use_set(c, 1);
-        found = search_starts(c, &c->other, steps, 1) && reaches_set(c, &c->other);
+        found = search_starts(c, &c->other, steps, &inside) && (inside < INFINITY
+            ? is_inside(c, &c->other) : reaches_set(c, &c->other));
     }
     if (found)
         swap(&c->best, &c->other);
-    return found;
+    return found || inside < INFINITY;
 }
 
 /* Find the best plan that ends in the terminal set, else the best without it. Where the horizon has

@@ -58,29 +58,35 @@ COLD_BARRIER = 1.0
 # Passes of a start at most. Every start but the first ends after JUDGED_PASSES or more when its
 # cost, less EXPECTED_FALLS times the largest decrease that the models of three passes expect and
 # BARRIER_GAP times steps and mu, is above the best by this part of it. Judged so after 20 passes
-# or one pass alone, some starts end on their way to the best plan; on horizons of many steps, for
-# which such ways are longer, with so few falls too (benchmarks/bodies.py).
+# or one pass alone, some starts end on their way to the best plan; on horizons of many steps and
+# in nearly time-optimal turns, for which such ways are longer, with so few falls too
+# (benchmarks/bodies.py).
 MOST_PASSES = 200
 JUDGED_PASSES = 22
 EXPECTED_FALLS, EXPECTED_FALLS_MANY, BARRIER_GAP = 2.0, 40.0, 12.0
 HOPELESS = 1e-4
-# A leaning start holds its octant for this part of the bang-bang slew, and no fewer steps.
-LEAN_PART = 0.25
+# Passes between two looks at whether a start is at a plan that keeps every limit.
+LOOK_PASSES = 4
+# A leaning start holds its octant for this part of the bang-bang slew, and no fewer steps; one of
+# two components for longer.
+LEAN_PART, LEAN_PART_OF_TWO = 0.25, 0.45
 LEAN_STEPS = 5
 # The long way round can win when the angle left to turn and to stop is above this [rad].
 LONG_WAY_RAD = math.radians(130.0)
 # A pointing turn leans above this.
 POINTING_RAD = math.radians(100.0)
-# Any other leans above this when its slew is all but one torque component, or the horizon has many
-# steps; there the long way round leans too, where it is little longer.
+# Any other leans above this when its slew is all but one torque component, the horizon has many
+# steps, or it is nearly time-optimal; in the last two the long way round leans too, where it is
+# little longer.
 LEAN_RAD = math.radians(80.0)
 ALONE = 0.1
 MANY_STEPS = 25
 LEAN_LONG_RAD = math.radians(150.0)
 # ... and a slew that is all but one component leans above so many times the angle that costs what
-# full torque does: nearly time-optimal, which is when another axis gains time.
+# full torque does: the turn is nearly time-optimal, which is when another axis gains time.
 FAR_TURN = 40.0
-# A bang-bang slew of more steps than this is tried with leans of two components as well.
+# A bang-bang slew of more steps than this is tried with leans of two components as well, and a
+# nearly time-optimal one.
 LONG_SLEW_STEPS = 20.0
 # Plans whose costs agree to this are equal; the rule then decides.
 TIE = 1e-7

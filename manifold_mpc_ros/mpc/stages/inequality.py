@@ -48,7 +48,7 @@ class Inequality(ABC):
         self.multiplier = Field(f'{self.name}_multiplier', rows, Memory.TRAJECTORY)
         self.elastic = Field(f'{self.name}_elastic', rows, Memory.TRAJECTORY)
         self.data = Field(f'{self.name}_data', self.data_size, Memory.GLOBAL)
-        #: Sum and largest of the elastic parts over the nodes of a plan.
+        #: Sum of the elastic parts, and largest positive value, over the nodes of a plan.
         self.excess = Field(f'{self.name}_excess', 2, Memory.GLOBAL)
 
     @property

@@ -48,13 +48,13 @@ def _first_phase(structure: Structure) -> Phase:
 
 
 def _violation_phases(structure: Structure) -> tuple[Phase, ...]:
-    """Sum and largest of the relative violations of each kind of a node's limits, from k = 1."""
+    """Sum of the elastic parts t of each kind of a node's limits and largest v = t - y, k >= 1."""
     def expression(read: Read) -> dict[Field, ca.SX]:
         writes = {}
         for each in node_inequalities(structure):
             excess, t = read(each.excess), read(each.elastic, 1)
             writes[each.excess] = ca.vertcat(
-                excess[0] + ca.sum1(t), ca.fmax(excess[1], most(t)))
+                excess[0] + ca.sum1(t), ca.fmax(excess[1], most(t - read(each.slack, 1))))
         if cones := cone_inequalities(structure):
             slacks = ca.vertcat(*(read(each.slack, 1) for each in cones))
             writes[f.LEAST_CONE_SLACK] = ca.fmin(read(f.LEAST_CONE_SLACK), least(slacks))
