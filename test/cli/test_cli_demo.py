@@ -13,6 +13,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -158,6 +159,17 @@ def test_a_node_that_ends_by_itself_is_noticed(tmp_path: Path) -> None:
         assert group.ended() is node
         assert 'no_such_node' in node.last_words()
         assert group.stop() == {'no_such_node': 1}
+
+
+def test_a_torque_without_a_state_does_not_close_the_loop() -> None:
+    """Each topic comes on its own way: the torque may be heard first."""
+    pytest.importorskip('rclpy')
+    from manifold_mpc_ros.lab.demo.watch import loop_is_closed
+    heard = SimpleNamespace(states=0, commands=1, mode='NOMINAL',
+                            latest_torque=lambda: np.ones(3))
+    assert not loop_is_closed(heard)
+    heard.states = 1
+    assert loop_is_closed(heard)
 
 
 def test_a_taken_domain_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:

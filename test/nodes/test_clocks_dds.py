@@ -102,11 +102,11 @@ def test_a_clock_that_is_started_again_is_no_second_one(rig: Rig) -> None:
 
 def test_a_second_simulator_beside_a_clock_says_that_it_ignores_it(rig: Rig) -> None:
     diagnostics = rig.watch(DiagnosticArray, '/diagnostics')
-    simulator(rig, 'sat1', **PUBLISHES)
+    publishing = simulator(rig, 'sat1', **PUBLISHES)
     rig.until(lambda: said(diagnostics, 'sat1') == 'simulated time runs', 'the clock')
     ignoring = simulator(rig, 'sat2')
     rig.until(lambda: said(diagnostics, 'sat2') != '', 'the second simulator')
-    taken = OwnTime(ignoring.pid)
+    taken = OwnTime(publishing.pid, ignoring.pid)  # discovery is an exchange of both
     words = 'not /clock of /sat1/lgvi_simulator; use_sim_time: true follows it'
     rig.until(lambda: words in said(diagnostics, 'sat2'), 'a warning')
     assert taken.look() < NAMED_S

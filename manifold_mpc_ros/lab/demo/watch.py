@@ -58,12 +58,13 @@ class StartWatch:
 
 
 def loop_is_closed(recorder: Recorder) -> bool:
-    """Say whether the controller is in control.
+    """Say whether the controller is in control, and a state has been seen.
 
+    Topics come on their own ways: a command may be heard before the state that it answers.
     Before it has a state it commands zero: the first other torque closes the loop, or its word
     that it is in control (a body that starts where it should be needs no torque).
     """
-    return recorder.commands > 0 and (
+    return recorder.states > 0 and recorder.commands > 0 and (
         bool(np.any(recorder.latest_torque())) or recorder.mode == 'NOMINAL')
 
 
