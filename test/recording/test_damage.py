@@ -71,6 +71,17 @@ def test_a_flipped_bit(
     told_or_equal(damaged(whole, tmp_path, file.name, bytes(data)), whole)
 
 
+def test_a_type_that_is_damaged_is_told(whole: Path, tmp_path: Path) -> None:
+    file = storage_file(whole)
+    if file.suffix != '.db3':
+        pytest.skip('a chunk has a checksum')
+    data = file.read_bytes().replace(b'nav_msgs/msg/Odometry', b'nav_msfs/msg/Odometry')
+    path = damaged(whole, tmp_path, file.name, data)
+    assert read_bag(path).warnings == (
+        '/odometry: has the type nav_msfs/msg/Odometry, nav_msgs/msg/Odometry was recorded',)
+    told_or_equal(path, whole)
+
+
 @given(position=st.floats(0.0, 1.0, exclude_max=True))
 @example(position=0.0)
 @FUZZ

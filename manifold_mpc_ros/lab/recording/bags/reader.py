@@ -71,7 +71,8 @@ def read_bag(path: str | Path) -> BagContents:
     messages = tuple(message for _, scan in scans for message in scan.messages)
     custom = _custom(metadata)
     # The copy in one of several files was written before the others.
-    different = [] if copy and len(files) > 1 else _differences(messages, metadata, custom)
+    different = [] if copy and len(files) > 1 else _differences(
+        topics, messages, metadata, custom)
     warnings += different and _missing(files, metadata) + different
     return BagContents(path, storage_of(files[0]), topics, messages, custom, tuple(warnings),
                        notes)
@@ -165,9 +166,10 @@ def _custom(metadata: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _differences(
-    messages: tuple[RawMessage, ...], metadata: Mapping[str, Any], custom: Mapping[str, str],
+    topics: Mapping[str, BagTopic], messages: tuple[RawMessage, ...],
+    metadata: Mapping[str, Any], custom: Mapping[str, str],
 ) -> list[str]:
-    """Compare the messages with the counts and the checksums that the recorder noted."""
+    """Compare what was read with the types, counts and checksums that the recorder noted."""
     counts: dict[str, int] = {}
     for message in messages:
         counts[message.topic] = counts.get(message.topic, 0) + 1
@@ -175,6 +177,9 @@ def _differences(
              f'{entry["count"]} were recorded'
              for entry in _entries(metadata)
              if counts.get(str(entry.get('name')), 0) != entry['count']]
+    found += [f'{name}: has the type {topics[name].kind}, {entry.get("type")} was recorded'
+              for entry in _entries(metadata) if (name := str(entry.get('name'))) in topics
+              and topics[name].kind != entry.get('type')]
     try:
         recorded = json.loads(custom.get(CUSTOM_CHECKSUMS, '{}'))
         unequal = {name for name, value in Checksums.of(messages).values.items()
