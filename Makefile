@@ -20,7 +20,7 @@ DOCS_TOOLS := $(VENV)/.docs-tools-installed
 BASILISK := $(VENV)/basilisk
 
 # Files of tests go to this many processes; every test over DDS locks a domain of its own.
-TEST_WORKERS ?= 2
+TEST_WORKERS ?= 3
 PYTEST_ARGS ?=
 DEMO_ARGS ?=
 FIGURES_ARGS ?=
