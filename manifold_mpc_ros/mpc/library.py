@@ -44,7 +44,7 @@ class Controller(ctypes.Structure):
         (_DOUBLE * 3, 'disturbance_n_m'), (_DOUBLE, 'value_bound deadline_s local_s '
          'whole_level cone_level wheel_share share rate_share limits_used'),
         (_DOUBLE * 3, 'torque_limit_n_m torque_share'), (_DOUBLE * 9, 'aimed'),
-        (_INTEGER, 'start_count wheel_count cone_count allowed warm inside violating passes '
+        (_INTEGER, 'start_count wheel_count cone_count allowed warm inside violating free passes '
          'searched tracking rests missing as_configured held'))
 
 

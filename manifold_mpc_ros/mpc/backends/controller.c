@@ -38,11 +38,11 @@ typedef struct controller {
     double rate_share, limits_used;
     double torque_limit_n_m[3], torque_share[3], aimed[9];
     /* allowed: the terminal set exists. warm: there is a plan to begin from. inside: the last plan
-     * ended in the set. violating: it violated a limit. tracking: a reference moves; rests: not at
+     * ended in the set. violating: it violated a limit. free: none held it back. tracking: a reference moves; rests: not at
      * the end of the horizon. missing: one and the place of a cone of which nothing is left.
      * as_configured: cones have the directions of the configuration. held: plans keep to what wheels
      * give whose null space rests. */
-    long start_count, wheel_count, cone_count, allowed, warm, inside, violating, passes, searched;
+    long start_count, wheel_count, cone_count, allowed, warm, inside, violating, free, passes, searched;
     long tracking, rests, missing, as_configured, held;
 } controller;
 

@@ -175,15 +175,16 @@ static int is_far(const solve *s)
     return s->decrease >= FAR_DECREASE * fabs(s->cost) + BARRIER_READY * s->mu;
 }
 
-/* Improve a plan, one stage ahead; return whether that gave a plan to use. */
-static int improve(solve *s, const double *kept, double deadline_s)
+/* Improve a plan, one stage ahead; return whether that gave a plan to use. `is_free`: no limit
+ * holds the plan back. */
+static int improve(solve *s, const double *kept, int is_free, double deadline_s)
 {
     static const struct { double mu; long most; } starts[] = {WARM_STARTS};
     s->total_passes = 0;
-    for (size_t i = 0; i < sizeof starts / sizeof *starts; ++i) {
+    for (size_t i = is_free ? 0 : 1; i < sizeof starts / sizeof *starts; ++i) {
         begin_shift(s, starts[i].mu, kept);
         iterate(s, 1, deadline_s);
-        if (i > 0 || !is_far(s))
+        if (i > 1 || !is_far(s))
             iterate(s, starts[i].most, deadline_s);
         s->total_passes += s->passes;
         if (is_converged(s) || s->flag == OUT_OF_TIME)

@@ -155,7 +155,7 @@ long mpc_follow(controller *c, loop_record *r, long first)
     c->reported = NULL;
     for (long tick = first; tick < r->ticks && c->inside && c->warm; ++tick) {
         set_state(s);
-        if (!improve(s, c->kept.memory, INFINITY))
+        if (!improve(s, c->kept.memory, (int)c->free, INFINITY))
             return tick;
         report(s, s->plan);
         if (s->g[MISSED] > VIOLATION || s->g[LARGEST_VIOLATION] > VIOLATION
@@ -165,6 +165,7 @@ long mpc_follow(controller *c, loop_record *r, long first)
         keep(c, &c->kept);
         c->value_bound = s->cost - s->g[FIRST_COST];
         c->violating = 0;
+        c->free = s->g[LARGEST_MULTIPLIER] < FREE_MULTIPLIER;
         mpc_advance(c);
     }
     return c->inside && c->warm ? r->ticks : first;

@@ -303,7 +303,7 @@ static int improve_into(controller *c, plan *to, const plan *from, int with_set)
     c->reported = NULL;
     use_set(c, with_set);
     double begun_s = now_s();
-    int usable = improve(&c->s, from->memory, c->deadline_s);
+    int usable = improve(&c->s, from->memory, from == &c->kept && c->free, c->deadline_s);
     c->local_s += now_s() - begun_s;
     c->passes += c->s.total_passes;
     if (usable)
@@ -433,6 +433,7 @@ static void answer_with_best(controller *c)
     c->warm = 1;
     c->value_bound = c->kept.cost - g[FIRST_COST];
     c->violating = g[LARGEST_VIOLATION] > VIOLATION;
+    c->free = g[LARGEST_MULTIPLIER] < FREE_MULTIPLIER;
     answer[COST] = cost * c->cost;
     answer[RESIDUAL] = c->kept.residual;
     answer[WORST] = violation;

@@ -91,5 +91,6 @@ FIRST_LEVEL, LAST_LEVEL = Field('first_level', 1, _GLOBAL), Field('last_level', 
 PENALTIES = Field('penalties', 1, _GLOBAL)
 LARGEST_VIOLATION = Field('largest_violation', 1, _GLOBAL)
 MISSED = Field('missed', 1, _GLOBAL)
+LARGEST_MULTIPLIER = Field('largest_multiplier', 1, _GLOBAL)  # of all limits
 LEAST_CONE_SLACK = Field('least_cone_slack', 1, _GLOBAL)  # at nodes k >= 1
 POSE = Field('pose', 12, _MODEL)

@@ -46,10 +46,13 @@ SMALLEST_PIVOT = 1e-14
 # KKT residual at which a start that can make no more progress counts as converged.
 ACCEPTABLE_RESIDUAL = 1e-6
 # Barrier parameter and most passes of a warm start, the next where one does not converge. The
-# first ends after one pass that expects the cost to fall by more than this part of it: so near to
-# the limits, a long way takes many short steps.
+# first is for plans that no limit holds back: their multipliers, dimensionless cost per relative
+# unit, are below this, so that every slack is above 1 %. The first two end after one pass that
+# expects the cost to fall by more than this part of it: so near to the limits, a long way takes
+# many short steps.
+FREE_MULTIPLIER = 1e-7
 FAR_DECREASE = 0.03
-WARM_STARTS = ((1e-6, 30), (1e-3, 50), (1e-1, 200))
+WARM_STARTS = ((SMALLEST_BARRIER, 5), (1e-6, 30), (1e-3, 50), (1e-1, 200))
 
 RUNNING, CONVERGED, STALLED, OUT_OF_TIME = range(4)
 

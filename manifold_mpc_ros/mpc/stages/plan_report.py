@@ -16,6 +16,7 @@ from manifold_mpc_ros.mpc.stages.inequalities import (
     cone_inequalities,
     node_inequalities,
     terminal_level,
+    torque_inequalities,
 )
 from manifold_mpc_ros.mpc.stages.initial_state import row_by_row
 from manifold_mpc_ros.mpc.stages.reference import errors, excess_torque
@@ -24,7 +25,7 @@ from manifold_mpc_ros.mpc.stages.terminal import form_of
 
 def report_phases(structure: Structure) -> tuple[Phase, ...]:
     """Return the phases that describe a plan."""
-    return _first_phase(structure), *_violation_phases(structure), _last_phase(structure)
+    return _first_phase(structure), *_limit_phases(structure), _last_phase(structure)
 
 
 def _level(structure: Structure, read: Read) -> ca.SX:
@@ -42,13 +43,17 @@ def _first_phase(structure: Structure) -> Phase:
         effort = merit.torque_cost(excess_torque(structure, read, read(f.TORQUE)), p)
         return {f.FIRST_COST: cost + effort,
                 f.FIRST_LEVEL: _level(structure, read), f.LEAST_CONE_SLACK: ca.SX(1e30),
+                f.LARGEST_MULTIPLIER: ca.SX(0),
                 **{each.excess: ca.SX.zeros(2) for each in node_inequalities(structure)}}
 
     return phase('report_first', expression, only=1)
 
 
-def _violation_phases(structure: Structure) -> tuple[Phase, ...]:
-    """Sum of the elastic parts t of each kind of a node's limits and largest v = t - y, k >= 1."""
+def _limit_phases(structure: Structure) -> tuple[Phase, ...]:
+    """Sum of the elastic parts t of each kind of a node's limits and largest v = t - y, k >= 1.
+
+    And the largest multiplier, of stage k and node k + 1.
+    """
     def expression(read: Read) -> dict[Field, ca.SX]:
         writes = {}
         for each in node_inequalities(structure):
@@ -58,23 +63,30 @@ def _violation_phases(structure: Structure) -> tuple[Phase, ...]:
         if cones := cone_inequalities(structure):
             slacks = ca.vertcat(*(read(each.slack, 1) for each in cones))
             writes[f.LEAST_CONE_SLACK] = ca.fmin(read(f.LEAST_CONE_SLACK), least(slacks))
+        writes[f.LARGEST_MULTIPLIER] = most(ca.vertcat(
+            read(f.LARGEST_MULTIPLIER),
+            *(read(each.multiplier) for each in torque_inequalities(structure)),
+            *(read(each.multiplier, 1) for each in node_inequalities(structure))))
         return writes
 
-    if not node_inequalities(structure):
+    if not (node_inequalities(structure) or torque_inequalities(structure)):
         return ()
-    return (phase('report_violation', expression, order=Order.FORWARD),)
+    return (phase('report_limits', expression, order=Order.FORWARD),)
 
 
 def _last_phase(structure: Structure) -> Phase:
     """Level of the last node, by how much it misses the terminal set, and all penalties."""
     def expression(read: Read) -> dict[Field, ca.SX]:
         limit, nodes = terminal_level(structure), node_inequalities(structure)
-        missed = ca.SX(0) if limit is None else read(limit.elastic)
+        missed, held = ca.SX(0), read(f.LARGEST_MULTIPLIER)
+        if limit is not None:
+            missed, held = read(limit.elastic), ca.fmax(held, read(limit.multiplier))
         penalties = sum((each.penalty * read(each.excess)[0] for each in nodes), start=ca.SX(0))
         if limit is not None:
             penalties += limit.penalty * missed
         violations = [read(each.excess)[1] for each in nodes]
-        return {f.LAST_LEVEL: _level(structure, read), f.MISSED: missed, f.PENALTIES: penalties,
+        return {f.LAST_LEVEL: _level(structure, read), f.MISSED: missed,
+                f.LARGEST_MULTIPLIER: held, f.PENALTIES: penalties,
                 f.LARGEST_VIOLATION: most(ca.vertcat(*violations)) if violations else ca.SX(0)}
 
     return phase('report_last', expression, beyond=1, last=1)
