@@ -24,7 +24,7 @@ class Solve(ctypes.Structure):
     _fields_ = _fields(
         (_POINTER, 'plan fresh model g'),
         (_DOUBLE, 'cost logs mu exact stationarity products decrease'),
-        (_INTEGER, 'horizon flag passes total_passes by_tenths creeping'))
+        (_INTEGER, 'horizon flag passes total_passes by_tenths creeping from_afar'))
 
 
 class Kept(ctypes.Structure):

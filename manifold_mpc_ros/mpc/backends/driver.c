@@ -8,8 +8,9 @@ typedef struct {
     double *plan, *fresh, *model, *g;
     double cost, logs, mu, exact;
     double stationarity, products, decrease;
-    /* by_tenths: the barrier falls by tenths only. creeping: short steps in succession. */
-    long horizon, flag, passes, total_passes, by_tenths, creeping;
+    /* by_tenths: the barrier falls by tenths only. creeping: short steps in succession.
+     * from_afar: the plan before was too far away to begin near its limits. */
+    long horizon, flag, passes, total_passes, by_tenths, creeping, from_afar;
 } solve;
 
 static void take_fresh(solve *s)
@@ -182,6 +183,7 @@ static int improve(solve *s, const double *kept, int is_free, double deadline_s)
     static const struct { double mu; long most; } starts[] = {WARM_STARTS};
     s->total_passes = 0;
     for (size_t i = is_free ? 0 : 1; i < sizeof starts / sizeof *starts; ++i) {
+        s->from_afar = i > 1;
         begin_shift(s, starts[i].mu, kept);
         iterate(s, 1, deadline_s);
         if (i > 1 || !is_far(s))

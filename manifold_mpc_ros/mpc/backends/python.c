@@ -159,7 +159,7 @@ long mpc_follow(controller *c, loop_record *r, long first)
             return tick;
         report(s, s->plan);
         if (s->g[MISSED] > VIOLATION || s->g[LARGEST_VIOLATION] > VIOLATION
-            || !(s->g[STATE_REPORT + 2] < near_rad || keeps_value_bound(c, s->cost)))
+            || !is_good(c, s->cost, near_rad))
             return tick;
         record(c, r, tick);
         keep(c, &c->kept);

@@ -348,12 +348,21 @@ static int search_both(controller *c)
     return 1;
 }
 
-static int keeps_value_bound(const controller *c, double cost)
+/* Whether a plan is as good as was promised, but for this part of it. */
+static int keeps_value_bound(const controller *c, double cost, double slack)
 {
-    return cost <= c->value_bound + VALUE_SLACK * fmax(fabs(c->value_bound), LEAST_VALUE);
+    return cost <= c->value_bound + slack * fmax(fabs(c->value_bound), LEAST_VALUE);
 }
 
-/* Whether an improved plan needs no search, as no other side could win. */
+/* Whether an improved plan needs no search: it is as good as was promised, or no other side could
+ * win; unless the state has jumped, and it is on one. */
+static int is_good(const controller *c, double cost, double near_rad)
+{
+    return keeps_value_bound(c, cost, VALUE_SLACK) || (c->s.g[STATE_REPORT + 2] < near_rad
+        && (!c->s.from_afar || keeps_value_bound(c, cost, JUMP_SLACK)));
+}
+
+/* The same round cones, which may hold it back. */
 static int stands(controller *c, const plan *p)
 {
     double near_rad = SEARCH_ANGLE_RAD;
@@ -362,7 +371,7 @@ static int stands(controller *c, const plan *p)
         if (!c->violating && c->s.g[LARGEST_VIOLATION] > VIOLATION)
             return 0;
     }
-    return c->s.g[STATE_REPORT + 2] < near_rad || keeps_value_bound(c, p->cost);
+    return is_good(c, p->cost, near_rad);
 }
 
 /* Find the best plan: with the terminal set; when that cannot be reached, without it. From outside

@@ -107,6 +107,8 @@ VIOLATION = 1e-6
 # win there.
 VALUE_SLACK = 1e-2
 LEAST_VALUE = 1e-3
+# ... and that many times it after a state from which the first warm starts do not converge.
+JUMP_SLACK = 1.0
 SEARCH_ANGLE_RAD = math.pi / 2
 # ... or, where a cone holds the plan back, than this. It does with a slack below TOUCHED.
 CONE_ANGLE_RAD = 0.2
