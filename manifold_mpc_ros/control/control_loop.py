@@ -190,6 +190,9 @@ class ControlLoop:
         solution, time_ns = command.solution, at.time_ns(self.sample)
         if solution is not None:
             self.plan_watch.see(solution.status, solution.solve_time_s, solution.target_momentum)
+        self.logic.consistency.judge()
+        if self.sample is not None:
+            self.ahead.watch(self.sample)
         self.steady_error.see(self.sample, self.target, reduced=command.mode in _SOURCES)
         return self._law.judged(
             command, time_ns / NANOSECONDS,

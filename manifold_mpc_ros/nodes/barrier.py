@@ -11,7 +11,6 @@ from collections.abc import Callable
 from pathlib import PurePath
 from typing import Any
 
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 #: Errors that follow each other within this are one burst, logged once [s].
@@ -71,26 +70,6 @@ class Barrier:
             return default() if answered is None else answered
 
         return answer
-
-
-class GuardedExecutor(SingleThreadedExecutor):
-    """An executor that an error leaves in working order.
-
-    rclpy's own never calls an entity again whose message could not be taken, nor the others of
-    its callback group: what was marked as executing stays so.
-    """
-
-    def __init__(self, barrier: Barrier) -> None:
-        """Wait for nodes."""
-        super().__init__()
-        for take in ('timer', 'subscription', 'client', 'service', 'waitable'):
-            name = f'_take_{take}'
-            setattr(self, name, barrier.guarded(f'taking a {take}', getattr(self, name)))
-        self._barrier = barrier
-
-    def spin_some(self, timeout_s: float) -> None:
-        """Wait for one callback and run it; an error is noted."""
-        self._barrier.guarded('the executor', self.spin_once)(timeout_s)
 
 
 def _in_words(error: Exception) -> str:

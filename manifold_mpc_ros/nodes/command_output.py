@@ -85,7 +85,7 @@ class _Output:
 
     def __init__(self, node: ManagedNode, writer: CommandWriter, kind: type) -> None:
         """Advertise the topic."""
-        self._node, self._writer, self._kind = node, writer, kind
+        self._node, self._writer, self._message = node, writer, kind()
         described = writer.described
         self.publisher = node.advertise(kind, described.topic)
         self.timer = node.tick_every(
@@ -100,7 +100,7 @@ class _Output:
     def publish(self, stamp_ns: int, actuation: Actuation | None) -> None:
         """Publish one message."""
         self.publisher.publish(self._writer.fill(
-            self._kind(), stamp_ns, self._node.get_clock().now().nanoseconds, actuation))
+            self._message, stamp_ns, self._node.get_clock().now().nanoseconds, actuation))
 
     def _on_timer(self) -> None:
         """Publish what comes by itself, while the node is active."""

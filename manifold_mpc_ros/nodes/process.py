@@ -149,7 +149,7 @@ def _live(node: ManagedNode, stop: StopRequest) -> int:
     import rclpy
     from rclpy.lifecycle import TransitionCallbackReturn
 
-    from manifold_mpc_ros.nodes.barrier import GuardedExecutor
+    from manifold_mpc_ros.nodes.executor import GuardedExecutor
 
     executor = GuardedExecutor(node.barrier)
     executor.add_node(node)
