@@ -189,9 +189,9 @@ class _Window:
 class ConsistencyCheck:
     """Compares each state with those before it, while ``bounds`` are set.
 
-    While nothing contradicts, the comparison itself is left to `judge`, for when the command of
-    a tick is on its way: it is what costs time. ``contradiction`` says what contradicts, '' while
-    nothing does.
+    While nothing contradicts, the latest state waits for `judge`, until the command of a tick is
+    on its way: comparing costs time. ``contradiction`` says what contradicts, '' while nothing
+    does.
     """
 
     def __init__(self) -> None:
@@ -202,7 +202,7 @@ class ConsistencyCheck:
     def forget(self) -> None:
         """Forget every state, as at the start."""
         self._window: _Window | None = None
-        self._to_judge: _Window | None = None
+        self._to_judge: StateSample | None = None
         self._count = self._compared = self._needed = 0
         self._agreeing = np.zeros(len(CONVENTIONS), dtype=np.bool_)
         self._squares = np.zeros(len(CONVENTIONS))
@@ -236,6 +236,15 @@ class ConsistencyCheck:
     def observe(self, sample: StateSample) -> None:
         """Take the next state; one that is earlier than the last begins anew."""
         self.judge()
+        self._to_judge = sample
+        if self._early or self._count or not self.is_ready:
+            self.judge()
+
+    def judge(self) -> None:
+        """Compare the state that `observe` has left."""
+        sample, self._to_judge = self._to_judge, None
+        if sample is None:
+            return
         if self.bounds is None or float(np.abs(sample.omega_BN_B).max()) > LARGEST_RATE_RAD_S:
             self._window = None
             return
@@ -247,19 +256,10 @@ class ConsistencyCheck:
             shortest_s, longest_s = self.bounds.compared_s
             if window.elapsed_s < shortest_s:
                 return
-            agreeing = not self._early and not self._count and self.is_ready
             self._compared += 1
             if window.elapsed_s <= longest_s:
-                self._to_judge = window
-                if not agreeing:
-                    self.judge()
+                self._compare(window, self.bounds)
         self._window = _Window(sample)
-
-    def judge(self) -> None:
-        """Compare what `observe` has left."""
-        window, self._to_judge = self._to_judge, None
-        if window is not None and self.bounds is not None:
-            self._compare(window, self.bounds)
 
     def _compare(self, window: _Window, bounds: MotionBounds) -> None:
         """Judge the motion in a window by every convention."""

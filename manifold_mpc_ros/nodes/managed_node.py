@@ -146,11 +146,12 @@ class ManagedNode(LifecycleNode):
             clock=None if ros_time else self.steady_clock)
 
     def listen(
-        self, kind: type, topic: str, callback: Callable[..., None], qos: QoSProfile,
+        self, kind: type, topic: str, callback: Callable[..., None], qos: QoSProfile, *,
+        raw: bool = False,
     ) -> Subscription:
-        """Subscribe, behind the barrier; publishers whose QoS does not fit are noted."""
+        """Subscribe, behind the barrier, ``raw`` to bytes; publishers of other QoS are noted."""
         return self.create_subscription(
-            kind, topic, self.barrier.guarded(topic, callback), qos,
+            kind, topic, self.barrier.guarded(topic, callback), qos, raw=raw,
             event_callbacks=SubscriptionEventCallbacks(
                 incompatible_qos=self._conflict_on(topic)))
 

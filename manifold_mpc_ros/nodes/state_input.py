@@ -8,6 +8,7 @@ is checked by `StateGate` (control/input_gate.py).
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -19,6 +20,7 @@ from manifold_mpc_ros.control.described.source import DescribedSource, check_par
 from manifold_mpc_ros.control.input_gate import RawState, Refusal
 from manifold_mpc_ros.nodes.managed_node import ManagedNode
 from manifold_mpc_ros.nodes.publisher_watch import PublisherWatch
+from manifold_mpc_ros.nodes.quick_messages import QuickMessages
 
 #: What a node does with a state, or with the reason why a message makes none; and what the
 #: middleware says about the message that completed it.
@@ -69,7 +71,7 @@ class StateInput:
         kinds = state_kinds(given)
         self._watches = {topic: PublisherWatch() for topic in kinds}
         self._subscriptions = {
-            topic: node.listen(kind, topic, self._callback(topic), qos)
+            topic: node.listen(kind, topic, self._callback(topic, kind), qos, raw=True)
             for topic, kind in kinds.items()}
 
     def close(self) -> None:
@@ -83,15 +85,18 @@ class StateInput:
         for watch in self._watches.values():
             watch.forget()
 
-    def _callback(self, topic: str) -> Callable[[Any, Mapping[str, Any]], None]:
+    def _callback(self, topic: str, kind: type) -> Callable[[bytes, Mapping[str, Any]], None]:
         """Return the callback of a topic's messages."""
-        def on_message(message: Any, info: Mapping[str, Any]) -> None:
+        messages = QuickMessages(kind, functools.partial(self._source.numbers, topic))
+
+        def on_message(data: bytes, info: Mapping[str, Any]) -> None:
             if not self._node.active:
                 return
             in_turn = self._watches[topic].note(info.get('publication_sequence_number'))
             if in_turn and self._subscriptions[topic].get_publisher_count() > 1:
                 self._on_duplicate(topic)
-            read = self._source.read(topic, message, self._node.get_clock().now().nanoseconds)
+            read = self._source.read(
+                topic, messages.message(data), self._node.get_clock().now().nanoseconds)
             if read is not None:
                 self._on_state(read, info)
 

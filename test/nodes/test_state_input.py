@@ -21,6 +21,7 @@ from hypothesis import strategies as st
 from properties import PROPERTY
 from rclpy.clock import ROSClock
 from rclpy.qos import QoSProfile
+from rclpy.serialization import serialize_message
 from state_messages import state_message
 
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
@@ -66,8 +67,9 @@ class Listener:
         self._publishers = publishers
 
     def listen(
-        self, kind: type, topic: str, callback: Callable[..., None], _qos: object,
+        self, kind: type, topic: str, callback: Callable[..., None], _qos: object, *, raw: bool,
     ) -> Subscription:
+        assert raw
         self.callbacks[topic], self.kinds[topic] = callback, kind
         return Subscription(self._publishers)
 
@@ -78,7 +80,8 @@ class Listener:
         self.callbacks.popitem()
 
     def send(self, topic: str, message: Any, number: int | None = None) -> None:
-        self.callbacks[topic](message, {'publication_sequence_number': number})
+        self.callbacks[topic](
+            bytes(serialize_message(message)), {'publication_sequence_number': number})
 
 
 @pytest.fixture(scope='module')

@@ -51,6 +51,14 @@ def numbers_at(message: Any, fields: Sequence[Steps], names: str) -> tuple[float
     return tuple(map(float, value))
 
 
+def number_paths(message: Any, fields: Sequence[Steps], names: str) -> list[Steps]:
+    """Return the path of each number that `numbers_at` reads."""
+    if len(fields) > 1:
+        return list(fields)
+    named = hasattr(value_at(message, fields[0]), names[0])
+    return [(*fields[0], name if named else i) for i, name in enumerate(names)]
+
+
 def put_numbers(
     message: Any, fields: Sequence[Steps], names: str, values: Sequence[float],
 ) -> None:
@@ -86,6 +94,13 @@ def stamp_at(message: Any, steps: Steps, unit_ns: int) -> int | None:
     if isinstance(value, (int, float)):
         raise TypeError('the stamp is a number, whose stamp_unit is not given')
     return int(value.sec) * NANOSECONDS + int(value.nanosec)
+
+
+def stamp_paths(message: Any, steps: Steps) -> list[Steps]:
+    """Return the path of each number that `stamp_at` reads."""
+    if not steps or isinstance(value_at(message, steps), (int, float)):
+        return [steps]
+    return [(*steps, 'sec'), (*steps, 'nanosec')]
 
 
 def put_stamp(message: Any, steps: Steps, unit_ns: int, stamp_ns: int) -> None:

@@ -9,7 +9,14 @@ from typing import Any
 
 from manifold_mpc_ros.config.description import Part, StateDescription, Steps
 from manifold_mpc_ros.control.described.conversions import read_attitude, read_rate
-from manifold_mpc_ros.control.described.fields import WRONG_FIELD, numbers_at, stamp_at, value_at
+from manifold_mpc_ros.control.described.fields import (
+    WRONG_FIELD,
+    number_paths,
+    numbers_at,
+    stamp_at,
+    stamp_paths,
+    value_at,
+)
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, RawState, Reason, Refusal
 from manifold_mpc_ros.errors import ConfigurationError
 
@@ -105,6 +112,13 @@ class DescribedSource:
         del self._attitudes[:-WAITING], self._rates[:-WAITING]
         pair = self._pair()
         return None if pair is None else self._joined(*pair)
+
+    def numbers(self, topic: str, message: Any) -> list[Steps]:
+        """Return the paths of the numbers that `read` looks at in a message of a topic."""
+        described = self._description
+        return [steps for part in (described.attitude, described.rate) if part.topic == topic
+                for steps in (*number_paths(message, part.fields, part.convention.names),
+                              *stamp_paths(message, part.stamp), part.absent) if steps]
 
     def _pair(self) -> tuple[ReadPart, ReadPart] | None:
         """Take the newest two that are near each other; those before them wait no longer."""
