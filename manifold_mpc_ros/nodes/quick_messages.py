@@ -1,29 +1,28 @@
 # Copyright 2026 The manifold_mpc_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Messages from their bytes, quickly: of the next one only the numbers that are wanted are read.
+"""States from the bytes of messages, quickly: only the numbers that are wanted are read.
 
 rclpy makes objects of every field, covariances included, which takes longer than all else between
-a state and its torque. Once it has made one message, the wanted numbers of others are put into
-that one, if their bytes have the same form: the same length, byte order and texts.
+a state and its torque. Where the numbers lie is learned from the first message; they are taken
+from the bytes of others that have the same form: the same length, byte order and texts.
 """
 
 from __future__ import annotations
 
-import functools
 import struct
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 from rclpy.serialization import deserialize_message, serialize_message
 
-from manifold_mpc_ros.config.description import Steps
-from manifold_mpc_ros.control.described.fields import put, value_at
+from manifold_mpc_ros.config.description import Part, Steps
+from manifold_mpc_ros.control.described.fields import WRONG_FIELD, put, value_at
+from manifold_mpc_ros.control.described.source import ReadPart, part_of, part_paths, read_part
 
 #: How numbers lie in CDR, and one of each kind whose bytes are found nowhere else by chance.
-_CODES = {'double': '<d', 'float': '<f', 'int32': '<i', 'uint32': '<I', 'int64': '<q',
-          'uint64': '<Q'}
-_MARKS = {'<d': -8.15193e-77, '<f': struct.unpack('<f', b'\x9a\x37\xc5\x11')[0],
-          '<i': 0x5AC396E1, '<I': 0xA5C396E1, '<q': 0x5AC396E1B7D20F83, '<Q': 0xA5C396E1B7D20F83}
+_CODES = {'double': 'd', 'float': 'f', 'int32': 'i', 'uint32': 'I', 'int64': 'q', 'uint64': 'Q'}
+_MARKS = {'d': -8.15193e-77, 'f': struct.unpack('<f', b'\x9a\x37\xc5\x11')[0],
+          'i': 0x5AC396E1, 'I': 0xA5C396E1, 'q': 0x5AC396E1B7D20F83, 'Q': 0xA5C396E1B7D20F83}
 _TEXT = '<another text, which no message has>'
 #: Bytes of the encapsulation, and of the length before a text.
 _HEAD, _LENGTH = 4, 4
@@ -31,102 +30,99 @@ _HEAD, _LENGTH = 4, 4
 _LEARN_AGAIN = 100
 
 
-class _Number(NamedTuple):
-    """What puts a number into a message, what takes it from bytes, and where it lies there."""
+class _Known(NamedTuple):
+    """A part of a state in messages of one form: how its numbers are taken, and what stays."""
 
-    put: Callable[[float], None]
-    take: Callable[[bytes, int], tuple[float]]
-    offset: int
-
-
-class _Form(NamedTuple):
-    """What bytes of a form have in common, and where the numbers lie in them."""
-
-    length: int
-    same: tuple[tuple[slice, bytes], ...]
-    numbers: tuple[_Number, ...]
-
-    def fits(self, data: bytes) -> bool:
-        """Return whether bytes have this form."""
-        return len(data) == self.length and all(data[where] == text for where, text in self.same)
+    layout: struct.Struct
+    order: tuple[int, ...]
+    sample: ReadPart
 
 
 class QuickMessages:
-    """Makes messages of one type from their bytes.
+    """Reads the parts of states that messages of one type hold.
 
     Arguments
     ---------
     kind
         The type.
-    wanted
-        Maps a message to the paths of the numbers that are read of it; the others may be old.
+    parts
+        What is read of each.
 
     """
 
-    def __init__(self, kind: type, wanted: Callable[[Any], Sequence[Steps]]) -> None:
+    def __init__(self, kind: type, parts: Sequence[Part]) -> None:
         """Know no form yet."""
-        self._kind, self._wanted = kind, wanted
-        self._message: Any = None
-        self._form: _Form | None = None
+        self._kind, self._parts = kind, parts
+        self._length = 0
+        self._same: list[tuple[slice, bytes]] = []
+        self._known: dict[int, _Known] = {}
         self._others = 0
 
-    def message(self, data: bytes) -> Any:
-        """Return the message; it is good until the next call.
+    def reader(self, data: bytes, received_ns: int) -> Callable[[Part], ReadPart]:
+        """Return what reads a part of a message; that raises what `read_part` raises.
 
-        Raises what rclpy does for bytes that are none.
+        Raises what rclpy does for bytes that are no message.
         """
-        form = self._form
-        if form is None or not form.fits(data):
-            return self._other(data)
-        for number in form.numbers:
-            number.put(*number.take(data, number.offset))
-        return self._message
-
-    def _other(self, data: bytes) -> Any:
-        """Return the message of another form, and learn that now and then."""
+        if len(data) == self._length and all(data[where] == same for where, same in self._same):
+            return lambda part: _taken(self._known[id(part)], part, data, received_ns)
         message = deserialize_message(data, self._kind)
         if self._others % _LEARN_AGAIN == 0:
-            self._message = deserialize_message(data, self._kind)
-            self._form = _form_of(self._message, self._wanted(message))
-            if self._form is not None and not self._form.fits(data):
-                self._form = None
+            self._learn(message, data)
         self._others += 1
-        return message
+        return lambda part: read_part(part, message, received_ns)
+
+    def _learn(self, message: Any, data: bytes) -> None:
+        """Learn the form of a message, unless a sequence is in it, or another kind of number."""
+        self._length = 0
+        probe = deserialize_message(data, self._kind)
+        try:
+            texts = [_place_of_text(probe, steps) for steps in _texts(probe, ())]
+            self._known = {id(part): _known(part, message, probe) for part in self._parts}
+        except (IndexError, KeyError, *WRONG_FIELD):
+            return
+        self._same = [(where, data[where]) for where in (slice(0, _HEAD), *texts)]
+        self._length = len(data)
 
 
-def _form_of(message: Any, wanted: Sequence[Steps]) -> _Form | None:
-    """Return the form of a message; None where a sequence or another kind of number is in it."""
-    try:
-        texts = list(_texts(message, ()))
-        numbers = [_number(message, steps) for steps in dict.fromkeys(wanted)]
-    except (KeyError, ValueError):
-        return None
-    data = bytes(serialize_message(message))
-    same = [slice(0, _HEAD)]
-    for steps in texts:
-        text = value_at(message, steps)
-        put(message, steps, _TEXT)
-        begin = bytes(serialize_message(message)).index(_TEXT.encode()) - _LENGTH
-        put(message, steps, text)
-        same.append(slice(begin, begin + _LENGTH + len(text.encode()) + 1))
-    return _Form(len(data), tuple((where, data[where]) for where in same), tuple(numbers))
+def _known(part: Part, message: Any, probe: Any) -> _Known:
+    """Return how a part is read of bytes; changes numbers of the probe."""
+    places = [_place_of_number(probe, steps) for steps in part_paths(part, message)]
+    ranked, layout, end = sorted(places), '<', 0
+    for offset, code in ranked:
+        layout += f'{offset - end}x{code}'
+        end = offset + struct.calcsize('<' + code)
+    return _Known(struct.Struct(layout), tuple(map(ranked.index, places)),
+                  read_part(part, message, 0))
 
 
-def _number(message: Any, steps: Steps) -> _Number:
-    """Return where a number lies; raises KeyError or ValueError where that cannot be told."""
-    owner, last, old = value_at(message, steps[:-1]), steps[-1], value_at(message, steps)
-    in_array = isinstance(last, int)
-    has_type, name = (value_at(message, steps[:-2]), steps[-2]) if in_array else (owner, last)
-    code = _CODES[has_type.get_fields_and_field_types()[name].partition('[')[0]]
-    put(message, steps, _MARKS[code])
-    data = bytes(serialize_message(message))
-    put(message, steps, old)
-    mark = struct.pack(code, _MARKS[code])
+def _taken(known: _Known, part: Part, data: bytes, received_ns: int) -> ReadPart:
+    """Return the part of a message that bytes of a known form are."""
+    numbers = known.layout.unpack_from(data)
+    return part_of(part, [numbers[i] for i in known.order], received_ns, known.sample)
+
+
+def _place_of_number(probe: Any, steps: Steps) -> tuple[int, str]:
+    """Return where a number lies in bytes, and how; KeyError, ValueError: that cannot be told."""
+    owner, name = value_at(probe, steps[:-1]), steps[-1]
+    if isinstance(name, int):  # an element of an array
+        owner, name = value_at(probe, steps[:-2]), steps[-2]
+    code = _CODES[owner.get_fields_and_field_types()[name].partition('[')[0]]
+    old, mark = value_at(probe, steps), struct.pack('<' + code, _MARKS[code])
+    put(probe, steps, _MARKS[code])
+    data = bytes(serialize_message(probe))
+    put(probe, steps, old)
     if data.count(mark) != 1:
         raise ValueError(steps)
-    setter = owner.__setitem__ if in_array else functools.partial(setattr, owner)
-    return _Number(functools.partial(setter, last), struct.Struct(code).unpack_from,
-                   data.index(mark))
+    return data.index(mark), code
+
+
+def _place_of_text(probe: Any, steps: Steps) -> slice:
+    """Return where the length and the characters of a text lie in bytes."""
+    text = value_at(probe, steps)
+    put(probe, steps, _TEXT)
+    begin = bytes(serialize_message(probe)).index(_TEXT.encode()) - _LENGTH
+    put(probe, steps, text)
+    return slice(begin, begin + _LENGTH + len(text.encode()) + 1)
 
 
 def _texts(message: Any, before: Steps) -> Iterator[Steps]:

@@ -8,7 +8,6 @@ is checked by `StateGate` (control/input_gate.py).
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -87,7 +86,7 @@ class StateInput:
 
     def _callback(self, topic: str, kind: type) -> Callable[[bytes, Mapping[str, Any]], None]:
         """Return the callback of a topic's messages."""
-        messages = QuickMessages(kind, functools.partial(self._source.numbers, topic))
+        messages = QuickMessages(kind, self._source.parts(topic))
 
         def on_message(data: bytes, info: Mapping[str, Any]) -> None:
             if not self._node.active:
@@ -95,8 +94,8 @@ class StateInput:
             in_turn = self._watches[topic].note(info.get('publication_sequence_number'))
             if in_turn and self._subscriptions[topic].get_publisher_count() > 1:
                 self._on_duplicate(topic)
-            read = self._source.read(
-                topic, messages.message(data), self._node.get_clock().now().nanoseconds)
+            read = self._source.join(
+                topic, messages.reader(data, self._node.get_clock().now().nanoseconds))
             if read is not None:
                 self._on_state(read, info)
 

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -95,30 +96,32 @@ class DescribedSource:
         self._rates: list[ReadPart] = []
         self._clock = ForeignClock()
 
+    def parts(self, topic: str) -> list[Part]:
+        """Return what is read of the messages of a topic."""
+        both = self._description.attitude, self._description.rate
+        return [part for part in both if part.topic == topic]
+
     def read(self, topic: str, message: Any, received_ns: int) -> RawState | Refusal | None:
         """Map a message to the state that it completes, received at a ROS time [ns].
 
         None while the other message of the state has not come; a Refusal where the message
         cannot be part of one.
         """
+        return self.join(topic, lambda part: read_part(part, message, received_ns))
+
+    def join(self, topic: str, read: Callable[[Part], ReadPart]) -> RawState | Refusal | None:
+        """Do the same with what reads the parts of a message."""
         described = self._description
         try:
             if topic == described.attitude.topic:
-                self._attitudes.append(read_part(described.attitude, message, received_ns))
+                self._attitudes.append(read(described.attitude))
             if topic == described.rate.topic:
-                self._rates.append(read_part(described.rate, message, received_ns))
+                self._rates.append(read(described.rate))
         except (IndexError, *WRONG_FIELD) as error:
             return Refusal(Reason.UNREADABLE, f'{topic}: {error}')
         del self._attitudes[:-WAITING], self._rates[:-WAITING]
         pair = self._pair()
         return None if pair is None else self._joined(*pair)
-
-    def numbers(self, topic: str, message: Any) -> list[Steps]:
-        """Return the paths of the numbers that `read` looks at in a message of a topic."""
-        described = self._description
-        return [steps for part in (described.attitude, described.rate) if part.topic == topic
-                for steps in (*number_paths(message, part.fields, part.convention.names),
-                              *stamp_paths(message, part.stamp), part.absent) if steps]
 
     def _pair(self) -> tuple[ReadPart, ReadPart] | None:
         """Take the newest two that are near each other; those before them wait no longer."""
@@ -154,6 +157,26 @@ def read_part(part: Part, message: Any, received_ns: int) -> ReadPart:
         numbers_at(message, part.fields, part.convention.names),
         not part.absent or value_at(message, part.absent) != NOT_PROVIDED,
         _text(message, part.inertial_frame_id), _text(message, part.body_frame_id))
+
+
+def part_paths(part: Part, message: Any) -> list[Steps]:
+    """Return the path of each number that `read_part` reads: values, stamp, what tells absence."""
+    paths = (*number_paths(message, part.fields, part.convention.names),
+             *stamp_paths(message, part.stamp), part.absent)
+    return [steps for steps in paths if steps]
+
+
+def part_of(part: Part, numbers: Sequence[float], received_ns: int, like: ReadPart) -> ReadPart:
+    """Return what `read_part` does, of the numbers of `part_paths`, with frames of another."""
+    count, stamp_ns, there = len(part.convention.names), received_ns, True
+    if part.stamp and part.stamp_unit_ns:
+        stamp_ns = round(numbers[count] * part.stamp_unit_ns)
+    elif part.stamp:
+        stamp_ns = int(numbers[count]) * NANOSECONDS + int(numbers[count + 1])
+    if part.absent:
+        there = numbers[-1] != NOT_PROVIDED
+    return ReadPart(stamp_ns, received_ns, tuple(map(float, numbers[:count])), there,
+                    like.inertial_frame_id, like.body_frame_id)
 
 
 def check_part(part: Part, message: Any) -> None:
