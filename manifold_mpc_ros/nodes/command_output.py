@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.duration import Duration
@@ -16,6 +17,7 @@ from manifold_mpc_ros.config.interfaces import message_class, named_by
 from manifold_mpc_ros.control.actuator import Actuation
 from manifold_mpc_ros.control.described.command import CommandWriter
 from manifold_mpc_ros.nodes.managed_node import ManagedNode, Status
+from manifold_mpc_ros.nodes.quick_messages import QuickWriter
 
 #: What fills the messages of a topic, and their type.
 Writers = Sequence[tuple[CommandWriter, type]]
@@ -86,6 +88,7 @@ class _Output:
     def __init__(self, node: ManagedNode, writer: CommandWriter, kind: type) -> None:
         """Advertise the topic."""
         self._node, self._writer, self._message = node, writer, kind()
+        self._quick: QuickWriter | None = None
         described = writer.described
         self.publisher = node.advertise(kind, described.topic)
         self.timer = node.tick_every(
@@ -98,9 +101,17 @@ class _Output:
         self._node.destroy_lifecycle_publisher(self.publisher)
 
     def publish(self, stamp_ns: int, actuation: Actuation | None) -> None:
-        """Publish one message."""
-        self.publisher.publish(self._writer.fill(
-            self._message, stamp_ns, self._node.get_clock().now().nanoseconds, actuation))
+        """Publish one message, from the second on by its bytes where that can be."""
+        writer, message = self._writer, self._message
+        sent_ns = self._node.get_clock().now().nanoseconds
+        if self._quick is not None and actuation is not None:
+            self.publisher.publish(self._quick.bytes_of(
+                writer.numbers(message, stamp_ns, sent_ns, actuation)))
+            return
+        self.publisher.publish(writer.fill(message, stamp_ns, sent_ns, actuation))
+        if actuation is not None and writer.described.fields:
+            with suppress(KeyError, ValueError):
+                self._quick = QuickWriter(message, writer.paths(message))
 
     def _on_timer(self) -> None:
         """Publish what comes by itself, while the node is active."""

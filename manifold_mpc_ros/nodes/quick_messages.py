@@ -84,6 +84,31 @@ class QuickMessages:
         self._length = len(data)
 
 
+class QuickWriter:
+    """Writes the bytes of messages that differ in some numbers only.
+
+    Arguments
+    ---------
+    message
+        One of them.
+    paths
+        Where the numbers lie. Raises KeyError or ValueError where one is not found in the bytes.
+
+    """
+
+    def __init__(self, message: Any, paths: Sequence[Steps]) -> None:
+        """Learn the form."""
+        places = [_place_of_number(message, steps) for steps in paths]
+        self._places = [(struct.Struct('<' + code).pack_into, at) for at, code in places]
+        self._data = bytearray(serialize_message(message))
+
+    def bytes_of(self, numbers: Sequence[float]) -> bytes:
+        """Return the message with these numbers at the paths."""
+        for (put_into, offset), number in zip(self._places, numbers, strict=True):
+            put_into(self._data, offset, number)
+        return bytes(self._data)
+
+
 def _known(part: Part, message: Any, probe: Any) -> _Known:
     """Return how a part is read of bytes; changes numbers of the probe."""
     places = [_place_of_number(probe, steps) for steps in part_paths(part, message)]

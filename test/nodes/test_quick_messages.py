@@ -10,18 +10,21 @@ from typing import Any
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped, TwistStamped
+from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
 from properties import PROPERTY
-from rclpy.serialization import serialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Imu
+from std_msgs.msg import Float64MultiArray
 
-from manifold_mpc_ros.config.description import Part, state_description
+from manifold_mpc_ros.config.description import Part, command_description, state_description
+from manifold_mpc_ros.control.actuator import Actuation
+from manifold_mpc_ros.control.described.command import CommandWriter
 from manifold_mpc_ros.control.described.source import DescribedSource, read_part
 from manifold_mpc_ros.nodes import quick_messages
-from manifold_mpc_ros.nodes.quick_messages import QuickMessages
+from manifold_mpc_ros.nodes.quick_messages import QuickMessages, QuickWriter
 
 KINDS = {('odometry', 'odometry'): Odometry, ('imu', 'imu'): Imu,
          ('pose_twist', 'pose'): PoseStamped, ('pose_twist', 'twist'): TwistStamped}
@@ -85,7 +88,7 @@ def test_only_the_first_message_is_made_by_rclpy(
 
 
 def test_messages_whose_length_varies_are_made_by_rclpy() -> None:
-    part = DescribedSource(state_description('odometry')).parts('odometry')[0]
+    part = DescribedSource(state_description('pose_twist')).parts('pose')[0]
     stamped = replace(part, fields=(('header', 'stamp', 'sec'),) * 4)
     quick, message = QuickMessages(DiagnosticArray, [stamped]), DiagnosticArray()
     for sec in range(3):
@@ -102,6 +105,30 @@ def test_padding_that_differs_is_the_same_form(monkeypatch: pytest.MonkeyPatch) 
     data[25:28] = b'abc'  # between the two texts
     monkeypatch.setattr(quick_messages, 'deserialize_message', None)
     assert quick.reader(bytes(data), 0)(parts[0]) == first
+
+
+@settings(PROPERTY, max_examples=100)
+@given(torques=st.lists(st.tuples(*[st.floats(-1e6, 1e6)] * 3), min_size=2, max_size=5),
+       stamp_ns=st.integers(0, 2**60))
+def test_what_is_written_quickly_is_the_filled_message(
+        torques: list[tuple[float, ...]], stamp_ns: int) -> None:
+    described, = command_description('nav')
+    writer, message = CommandWriter(described, 'base_link', (1.0,)), WrenchStamped()
+    writer.fill(message, 1, 2, Actuation(np.zeros(3), np.zeros(3), np.zeros(3)))
+    quick = QuickWriter(message, writer.paths(message))
+    for torque in torques:
+        actuation = Actuation(np.array(torque), np.zeros(3), np.zeros(3))
+        data = quick.bytes_of(writer.numbers(message, stamp_ns, 7, actuation))
+        assert deserialize_message(data, WrenchStamped) == writer.fill(
+            WrenchStamped(), stamp_ns, 7, actuation)
+
+
+def test_devices_and_sequences_are_not_written_quickly() -> None:
+    described, = command_description('wheels')
+    with pytest.raises(ValueError, match='device'):
+        CommandWriter(described, 'base_link', (1.0,)).paths(Float64MultiArray())
+    with pytest.raises(KeyError, match='sequence<double>'):
+        QuickWriter(Float64MultiArray(data=[1.0]), [('data', 0)])
 
 
 def test_bytes_that_are_none_raise() -> None:

@@ -10,15 +10,18 @@ from typing import Any
 import numpy as np
 
 from manifold_mpc_ros.config.conventions import Vector
-from manifold_mpc_ros.config.description import CommandMessage
+from manifold_mpc_ros.config.description import CommandMessage, Steps
 from manifold_mpc_ros.control.actuator import Actuation
 from manifold_mpc_ros.control.described.conversions import to_ours, to_theirs
 from manifold_mpc_ros.control.described.fields import (
     WRONG_FIELD,
+    number_paths,
     numbers_at,
     put,
     put_numbers,
     put_stamp,
+    stamp_numbers,
+    stamp_paths,
     value_at,
 )
 from manifold_mpc_ros.errors import ConfigurationError
@@ -45,8 +48,9 @@ class CommandWriter:
     ) -> None:
         """Keep what is needed."""
         self.described, self._body_frame_id = described, body_frame_id
-        self._scale = np.broadcast_to(full_scale_n_m, 3) if described.normalised else np.ones(3)
-        if not (np.isfinite(self._scale).all() and (self._scale > 0.0).all()):
+        scale = np.broadcast_to(full_scale_n_m, 3) if described.normalised else np.ones(3)
+        self._scale = scale.tolist()
+        if not (np.isfinite(scale).all() and (scale > 0.0).all()):
             raise ConfigurationError(
                 'full_scale_torque_n_m', list(full_scale_n_m),
                 f'the torque that is 1 on {described.topic}, about each body axis there')
@@ -65,14 +69,43 @@ class CommandWriter:
             put_stamp(message, steps, described.stamp_unit_ns, time_ns)
         if described.body_frame_id:
             put(message, described.body_frame_id, self._body_frame_id)
-        if actuation is not None and described.quantity == 'device':
-            put_numbers(message, described.fields, '', actuation.device.tolist())
-        elif actuation is not None and described.fields:
-            x, y, z = (actuation.dipole_B_a_m2 if described.quantity == 'dipole'
-                       else actuation.torque_B_n_m).tolist()
-            vector = np.array(to_theirs(described.body, (x, y, z))) / self._scale
-            put_numbers(message, described.fields, 'xyz', vector.tolist())
+        if actuation is not None and described.fields:
+            put_numbers(message, described.fields, self._names, self._values(actuation))
         return message
+
+    def paths(self, message: Any) -> list[Steps]:
+        """Return the paths of the numbers that `fill` puts into every message.
+
+        Raises ValueError for those of devices, which may be any number of them.
+        """
+        described = self.described
+        if not self._names:
+            raise ValueError(described.quantity)
+        return [*stamp_paths(message, described.stamp), *stamp_paths(message, described.sent),
+                *number_paths(message, described.fields, self._names)]
+
+    def numbers(self, message: Any, stamp_ns: int, sent_ns: int, actuation: Actuation
+                ) -> list[float]:
+        """Return the numbers of `paths`."""
+        described, unit_ns = self.described, self.described.stamp_unit_ns
+        return [*stamp_numbers(message, described.stamp, unit_ns, stamp_ns),
+                *stamp_numbers(message, described.sent, unit_ns, sent_ns),
+                *self._values(actuation)]
+
+    @property
+    def _names(self) -> str:
+        """The names of the numbers; those of devices have none, and may be any number."""
+        return '' if self.described.quantity == 'device' else 'xyz'
+
+    def _values(self, actuation: Actuation) -> list[float]:
+        """Return the numbers of a command."""
+        described = self.described
+        if described.quantity == 'device':
+            return actuation.device.tolist()
+        x, y, z = (actuation.dipole_B_a_m2 if described.quantity == 'dipole'
+                   else actuation.torque_B_n_m).tolist()
+        return [each / scale for each, scale in zip(
+            to_theirs(described.body, (x, y, z)), self._scale)]
 
     def read(self, message: Any) -> Vector:
         """Map a message to the body torque in it [N m]; inverse of `fill`.

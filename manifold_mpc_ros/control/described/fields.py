@@ -98,16 +98,25 @@ def stamp_at(message: Any, steps: Steps, unit_ns: int) -> int | None:
 
 def stamp_paths(message: Any, steps: Steps) -> list[Steps]:
     """Return the path of each number that `stamp_at` reads."""
-    if not steps or isinstance(value_at(message, steps), (int, float)):
+    if not steps:
+        return []
+    if isinstance(value_at(message, steps), (int, float)):
         return [steps]
     return [(*steps, 'sec'), (*steps, 'nanosec')]
 
 
 def put_stamp(message: Any, steps: Steps, unit_ns: int, stamp_ns: int) -> None:
     """Put a stamp [ns] where `stamp_at` reads it."""
-    if steps and unit_ns:
-        whole = isinstance(value_at(message, steps), int)
-        put(message, steps, stamp_ns // unit_ns if whole else stamp_ns / unit_ns)
-    elif steps:
-        time = value_at(message, steps)
-        time.sec, time.nanosec = divmod(stamp_ns, NANOSECONDS)
+    for path, number in zip(stamp_paths(message, steps),
+                            stamp_numbers(message, steps, unit_ns, stamp_ns)):
+        put(message, path, number)
+
+
+def stamp_numbers(message: Any, steps: Steps, unit_ns: int, stamp_ns: int) -> Sequence[float]:
+    """Return the numbers of a stamp [ns] that belong at `stamp_paths`."""
+    if not steps:
+        return ()
+    if not unit_ns:
+        return divmod(stamp_ns, NANOSECONDS)
+    whole = isinstance(value_at(message, steps), int)
+    return (stamp_ns // unit_ns if whole else stamp_ns / unit_ns,)
