@@ -11,7 +11,7 @@ from manifold_mpc_ros.control.input_gate import StateSample, to_ns
 from manifold_mpc_ros.control.modes import ACTING, Mode
 from manifold_mpc_ros.control.response.body_watch import BodyWatch
 from manifold_mpc_ros.control.response.known_torque import known_torque_B
-from manifold_mpc_ros.control.torque_history import TorqueHistory, moved_on
+from manifold_mpc_ros.control.torque_history import TorqueHistory, by_lgvi, moved_on
 from manifold_mpc_ros.lie.arrays import Array
 
 #: Torques sent are kept for the longest delay and so many steps.
@@ -126,4 +126,4 @@ class Anticipation:
             torques = ((lasting_ns, torque + disturbance) for lasting_ns, torque in torques)
         observer = self._law.observer
         state = (sample.R_NB, sample.omega_BN_B) if observer is None else observer.state(sample)
-        return moved_on(*state, torques, self._law.config)
+        return moved_on(*state, torques, self._law.advance or by_lgvi(self._law.config))

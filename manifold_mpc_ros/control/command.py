@@ -19,6 +19,7 @@ from manifold_mpc_ros.control.moving.slew_profile import SlewPlanner
 from manifold_mpc_ros.control.response.observer import ResponseObserver
 from manifold_mpc_ros.control.solver_thread import SolverRunner
 from manifold_mpc_ros.control.target import Target
+from manifold_mpc_ros.control.torque_history import Advance
 from manifold_mpc_ros.control.wheels.magnetorquers import DipoleLaw
 from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.reference import Reference
@@ -59,6 +60,7 @@ class Law:
     ``dipoles``: what magnetorquers are commanded; None without them. ``known``: torque that acts
     unasked and is known; None without any.
     ``slews`` puts profiles in the place of setpoints that jump; None: they are aimed at.
+    ``advance`` moves a state on; None: the LGVI does.
     """
 
     config: AttitudeMpcConfig
@@ -74,6 +76,7 @@ class Law:
     moving: MovingPromise | None = None
     slews: SlewPlanner | None = None
     known: KnownTorque | None = None
+    advance: Advance | None = None
 
     def allowance(
         self, solution: AttitudeMpcSolution | None, target: Target | None, acting_ns: int,

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.lie.arrays import Array
 
 _NONE = np.zeros(3)
+#: Maps attitude, rate [rad/s], a torque (3,) [N m] and how long it acts [s] to the state then;
+#: raises StepExistenceError where the implicit step is not guaranteed.
+Advance = Callable[[Array, Array, Array, float], tuple[Array, Array]]
 
 
 class TorqueHistory:
@@ -66,21 +69,27 @@ class TorqueHistory:
             for total in sums.T], axis=1)
 
 
-def moved_on(
-    R_NB: Array, omega_BN_B: Array, torques: Iterable[tuple[int, Array]],
-    config: AttitudeMpcConfig,
-) -> tuple[Array, Array]:
-    """Return attitude and rate [rad/s] after torques (3,) [N m], each with its duration [ns].
-
-    LGVI steps, none longer than that of the controller.
-
-    Raises StepExistenceError where the implicit step is not guaranteed.
-    """
-    for lasting_ns, torque_B_n_m in torques:
-        lasting_s = lasting_ns / NANOSECONDS
+def by_lgvi(config: AttitudeMpcConfig) -> Advance:
+    """Return what moves a state on in LGVI steps, none longer than that of the controller."""
+    def advance(R_NB: Array, omega_BN_B: Array, torque_B_n_m: Array, lasting_s: float
+                ) -> tuple[Array, Array]:
         steps = math.ceil(lasting_s / config.step_s)
         for _ in range(steps):
             R_NB, omega_BN_B = lgvi_step(
                 R_NB, omega_BN_B, torque_B_n_m, inertia_kg_m2=config.inertia_kg_m2,
                 step_s=lasting_s / steps)
+        return R_NB, omega_BN_B
+
+    return advance
+
+
+def moved_on(
+    R_NB: Array, omega_BN_B: Array, torques: Iterable[tuple[int, Array]], advance: Advance,
+) -> tuple[Array, Array]:
+    """Return attitude and rate [rad/s] after torques (3,) [N m], each with its duration [ns].
+
+    Raises StepExistenceError where the implicit step is not guaranteed.
+    """
+    for lasting_ns, torque_B_n_m in torques:
+        R_NB, omega_BN_B = advance(R_NB, omega_BN_B, torque_B_n_m, lasting_ns / NANOSECONDS)
     return R_NB, omega_BN_B

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from manifold_mpc_ros.config.cones import directions, tightened
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
-from manifold_mpc_ros.errors import ConfigurationError
+from manifold_mpc_ros.errors import ConfigurationError, StepExistenceError
 from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.backends.build import load_library
 from manifold_mpc_ros.mpc.compiled import CompiledMpc
@@ -201,6 +201,18 @@ class AttitudeMpc:
             self._build_again(disturbed=self._disturbed, moving=True)
         self._tracked = reference is not None
         return self.solver.set_reference(R_NB, R_ND, reference)
+
+    def moved_on(self, R_NB: Array, omega_BN_B: Array, torque_B_n_m: Array, lasting_s: float
+                 ) -> tuple[Array, Array]:
+        """Map attitude, rate [rad/s], torque (3,) [N m] and its duration [s] to the state then.
+
+        In LGVI steps of at most ``step_s``, as the exported controller does it; any thread may ask
+        while another solves. Raises StepExistenceError where the implicit step is not guaranteed.
+        """
+        moved = self.solver.moved_on(R_NB, omega_BN_B, torque_B_n_m, lasting_s)
+        if moved is None:
+            raise StepExistenceError('the rate is beyond the guard of the implicit step')
+        return moved
 
     @property
     def limits_used(self) -> float:

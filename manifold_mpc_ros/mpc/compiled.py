@@ -169,6 +169,17 @@ class CompiledMpc:
         """The part of the terminal level that disturbance, reference and wheels leave."""
         return float(self._controller.share)
 
+    def moved_on(self, R_NB: Array, omega_BN_B: Array, torque_B_n_m: Array, seconds: float
+                 ) -> tuple[Array, Array] | None:
+        """Return attitude and rate after a torque (3,) [N m]; None where no step is guaranteed.
+
+        In SI units, and unlike all else here for any thread at any time.
+        """
+        state, torque = np.concatenate([R_NB.ravel(), omega_BN_B]), np.array(torque_B_n_m)
+        moved = self._library.move_on(
+            self._address, state.ctypes.data, torque.ctypes.data, seconds)
+        return (state[:9].reshape(3, 3), state[9:]) if moved else None
+
     # A closed loop on the model.
 
     def set_body(self, inertia: Array, torque: Array) -> None:

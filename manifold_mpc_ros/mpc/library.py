@@ -73,6 +73,7 @@ class Library:
     model: Callable[..., None]
     try_step: Callable[..., None]
     advance: Callable[..., None]
+    move_on: Callable[..., int]
     follow: Callable[..., int]
 
     def __init__(self, path: Path) -> None:
@@ -85,7 +86,8 @@ class Library:
             'begin_start': (None, _POINTER, _DOUBLE), 'begin_slew': (None, _DOUBLE),
             'begin_way': (None, _POINTER), 'iterate': (None, _INTEGER, _DOUBLE),
             'report': (None,), 'model': (None, _DOUBLE), 'try_step': (None, _DOUBLE),
-            'advance': (None,), 'follow': (_INTEGER, _POINTER, _INTEGER)}
+            'advance': (None,), 'move_on': (_INTEGER, _POINTER, _POINTER, _DOUBLE),
+            'follow': (_INTEGER, _POINTER, _INTEGER)}
         try:
             library = ctypes.CDLL(str(path))
             self.lanes = int(library.mpc_lane_count())

@@ -140,7 +140,7 @@ def python_answer(mpc: AttitudeMpc, state: Array) -> tuple[AttitudeMpcSolution, 
         given['reference'] = Reference(np.array([*map(rotation, rest[:4 * nodes].reshape(-1, 4))]),
                                        rest[4 * nodes:].reshape(-1, 3))
     late = [(round(state[17] * NANOSECONDS), state[18:21] + state[12:15])] if state[17] else []
-    plan = mpc.solve(*moved_on(rotation(state[1:5]), state[5:8], late, config),
+    plan = mpc.solve(*moved_on(rotation(state[1:5]), state[5:8], late, mpc.moved_on),
                      rotation(state[8:12]),
                      disturbance_B_n_m=state[12:15], **given)
     return plan, [float(STATUSES.index(plan.status)), plan.iterations, plan.searched, plan.cost,

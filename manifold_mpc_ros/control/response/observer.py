@@ -28,7 +28,7 @@ import numpy as np
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample, to_ns
 from manifold_mpc_ros.control.response.delay_estimator import DelayEstimator
-from manifold_mpc_ros.control.torque_history import TorqueHistory, moved_on
+from manifold_mpc_ros.control.torque_history import TorqueHistory, by_lgvi, moved_on
 from manifold_mpc_ros.errors import StepExistenceError
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.lie.arrays import Array
@@ -173,7 +173,7 @@ class ResponseObserver:
         R_NB, omega_BN_B = moved_on(
             before.R_NB, np.asarray(np.linalg.solve(config.inertia_kg_m2, was), dtype=np.float64),
             ((lasting_ns, torque + d) for lasting_ns, torque in sent.between(
-                first_ns, first_ns + gap_ns)), config)
+                first_ns, first_ns + gap_ns)), by_lgvi(config))
         self._x[:3] = sample.R_NB.T @ R_NB @ config.inertia_kg_m2 @ omega_BN_B
         self._R_NB = self._R_NB @ before.R_NB.T @ R_NB
         self._blur(gap_s, impulses)

@@ -101,3 +101,60 @@ static void quaternion_of(const double *R, double q[4])
     for (int i = 0; i < 4; ++i)
         q[i] = outer[row][i] / length;
 }
+
+/* Write R(q) row by row; return whether q is a unit quaternion but for rounding. */
+static int write_rotation(const double q[4], double *R)
+{
+    double norm = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+    if (!(fabs(norm - 1.0) <= NORM_DEFECT))
+        return 0;
+    double x = q[0] / norm, y = q[1] / norm, z = q[2] / norm, w = q[3] / norm;
+    R[0] = 1.0 - 2.0 * (y * y + z * z);
+    R[1] = 2.0 * (x * y - w * z);
+    R[2] = 2.0 * (x * z + w * y);
+    R[3] = 2.0 * (x * y + w * z);
+    R[4] = 1.0 - 2.0 * (x * x + z * z);
+    R[5] = 2.0 * (y * z - w * x);
+    R[6] = 2.0 * (x * z - w * y);
+    R[7] = 2.0 * (y * z + w * x);
+    R[8] = 1.0 - 2.0 * (x * x + y * y);
+    return 1;
+}
+
+/* Move the state in globals, g[MEASURED] and its rate [rad/s], on under a torque (3,) [N m] that acts
+ * for so long [s], in equal steps no longer than the controller's; g may be memory of its own.
+ * The attitude is that of the quaternion xyzw then. Return 0 where the implicit step is not
+ * guaranteed. */
+static int move_on(const controller *c, double *g, const double torque_n_m[3], double seconds,
+                   double xyzw[4])
+{
+    double steps = ceil(seconds / c->step_s), part = seconds / steps;
+    if (!(seconds > 0.0 && steps < 1e6))
+        return 0;
+    for (int i = 0; i < 9; ++i)
+        g[BODY + i] = c->s.g[PARAMETER + i];
+    for (int i = 0; i < 3; ++i) {
+        g[BODY + 9 + i] = 0.0;
+        g[APPLIED + i] = torque_n_m[i] / c->torque_n_m * (part / c->time_s) * (part / c->time_s);
+        g[MEASURED + 18 + i] *= part;
+    }
+    for (double done = 0.0; done < steps; done += 1.0) {
+        double squared = 0.0;
+        for (int i = 0; i < 3; ++i) {
+            double momentum = 0.5 * g[APPLIED + i];
+            for (int j = 0; j < 3; ++j)
+                momentum += g[BODY + 3 * i + j] * g[MEASURED + 18 + j];
+            squared += momentum * momentum;
+        }
+        if (!(squared < c->guard_squared))
+            return 0;
+        run_motion(NULL, NULL, NULL, g, 0);
+    }
+    double q[4];
+    quaternion_of(g + MEASURED, q);
+    for (int i = 0; i < 4; ++i)
+        xyzw[i] = q[(i + 1) % 4];
+    for (int i = 0; i < 3; ++i)
+        g[MEASURED + 18 + i] /= part;
+    return write_rotation(xyzw, g + MEASURED);
+}

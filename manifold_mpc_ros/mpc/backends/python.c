@@ -123,6 +123,19 @@ void mpc_advance(controller *c)
     run_plant(c->s.plan, c->s.fresh, c->s.model, c->s.g, c->s.horizon);
 }
 
+/* Move attitude and rate (12,) [rad/s] on under a torque (3,) [N m]; return whether that can be.
+ * Another thread may solve meanwhile. */
+long mpc_move_on(const controller *c, double *state, const double *torque_n_m, double seconds)
+{
+    double g[GLOBAL_ROWS] = {0.0}, xyzw[4];
+    memcpy(g + MEASURED, state, 9 * sizeof(double));
+    memcpy(g + MEASURED + 18, state + 9, 3 * sizeof(double));
+    int moved = move_on(c, g, torque_n_m, seconds, xyzw);
+    memcpy(state, g + MEASURED, 9 * sizeof(double));
+    memcpy(state + 9, g + MEASURED + 18, 3 * sizeof(double));
+    return moved;
+}
+
 /* Ticks of a closed loop: states (T, 12), torques (T, 3), costs and passes (T,). */
 typedef struct {
     double *states, *torques, *costs;

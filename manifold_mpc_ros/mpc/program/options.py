@@ -94,8 +94,9 @@ LONG_SLEW_STEPS = 20.0
 # Plans whose costs agree to this are equal; the rule then decides.
 TIE = 1e-7
 
-# A matrix farther than this from SO(3) is no rotation.
+# A matrix farther than this from SO(3) is no rotation, nor a quaternion whose norm is off by more.
 ROTATION_DEFECT = 1e-6
+NORM_DEFECT = 1e-3
 # A commanded attitude that moved by more than this [rad] forgets the warm start.
 SETPOINT_MOVED_RAD = 1e-3
 # The shifted plan itself: so near its limits that its cost is what it would be on them.

@@ -32,7 +32,8 @@ class Program(NamedTuple):
     ``set_state`` sets the state; ``slew`` or ``shift`` roll a start out; ``cold`` or ``warm`` put
     its barrier variables where the solve begins; ``way`` says how fast a start goes round cones;
     ``backward`` models a trajectory, ``trial_step`` makes the next one; ``report`` and ``poses``
-    say what the caller of a solve wants to know; ``plant`` moves a body on by one step.
+    say what the caller of a solve wants to know; ``plant`` moves a body on by one step,
+    ``motion`` the measured one, whose torque is constant over a step.
     """
 
     set_state: tuple[Phase, ...]
@@ -46,6 +47,7 @@ class Program(NamedTuple):
     report: tuple[Phase, ...]
     poses: tuple[Phase, ...]
     plant: tuple[Phase, ...]
+    motion: tuple[Phase, ...]
 
 
 def program_of(structure: Structure) -> Program:
@@ -76,4 +78,5 @@ def program_of(structure: Structure) -> Program:
                     line_search.node_phase(s), line_search.stage_phase(s),
                     line_search.terminal_phase(s), gather),
         report=plan_report.report_phases(s), poses=(plan_report.pose_phase(),),
-        plant=(plant.plant_phase(s),))
+        plant=(plant.plant_phase(symmetric=s.symmetric),),
+        motion=(plant.plant_phase(symmetric=True),))

@@ -61,7 +61,7 @@ def law_with(
                solver.backend, config.actuation_delay_s, MotionBounds.from_config(config),
                observer_for(config), config.largest_steady_error_rad, dipoles_of(config),
                moving_promise_for(config.mpc, solver.terminal), SlewPlanner.from_config(config),
-               config.known_torque)
+               config.known_torque, solver.moved_on)
 
 
 def dipoles_of(config: ControllerConfig) -> DipoleLaw | None:

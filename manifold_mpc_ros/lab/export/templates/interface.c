@@ -10,7 +10,6 @@ static const start starts[] = MANIFOLD_MPC_STARTS;
 @ARRAYS@
 
 /* A quaternion whose norm is farther than this from 1 is none. */
-#define NORM_DEFECT 1e-3
 
 static void set_numbers(double *g)
 {
@@ -82,25 +81,6 @@ manifold_mpc *manifold_mpc_init(void *memory, size_t bytes)
 void manifold_mpc_reset(manifold_mpc *mpc)
 {
     mpc->c.warm = 0;
-}
-
-/* Write R(q) row by row; return whether q is a unit quaternion but for rounding. */
-static int write_rotation(const double q[4], double *R)
-{
-    double norm = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-    if (!(fabs(norm - 1.0) <= NORM_DEFECT))
-        return 0;
-    double x = q[0] / norm, y = q[1] / norm, z = q[2] / norm, w = q[3] / norm;
-    R[0] = 1.0 - 2.0 * (y * y + z * z);
-    R[1] = 2.0 * (x * y - w * z);
-    R[2] = 2.0 * (x * z + w * y);
-    R[3] = 2.0 * (x * y + w * z);
-    R[4] = 1.0 - 2.0 * (x * x + z * z);
-    R[5] = 2.0 * (y * z - w * x);
-    R[6] = 2.0 * (x * z - w * y);
-    R[7] = 2.0 * (y * z + w * x);
-    R[8] = 1.0 - 2.0 * (x * x + y * y);
-    return 1;
 }
 
 /* Whether a disturbance is below the limits on the torque; then it is planned with. */
@@ -210,36 +190,20 @@ int manifold_mpc_advance(manifold_mpc *mpc, manifold_mpc_state *state, const dou
                          double seconds)
 {
     controller *c = &mpc->c;
-    double *g = c->s.g, q[4];
-    double steps = ceil(seconds / c->step_s), part = seconds / steps;
-    if (!(seconds > 0.0 && steps < 1e6))
-        return seconds == 0.0;
+    double *g = c->s.g, xyzw[4], torque[3];
+    if (seconds == 0.0)
+        return 1;
     if (!write_rotation(state->attitude_xyzw, g + MEASURED))
         return 0;
-    for (int i = 0; i < 9; ++i)
-        g[BODY + i] = g[PARAMETER + i];
     for (int i = 0; i < 3; ++i) {
-        double torque = (torque_n_m[i] + state->disturbance_n_m[i]) / c->torque_n_m;
-        g[BODY + 9 + i] = 0.0;
-        g[APPLIED + i] = torque * (part / c->time_s) * (part / c->time_s);
-        g[MEASURED + 18 + i] = state->rate_rad_s[i] * part;
+        g[MEASURED + 18 + i] = state->rate_rad_s[i];
+        torque[i] = torque_n_m[i] + state->disturbance_n_m[i];
     }
-    for (double done = 0.0; done < steps; done += 1.0) {
-        double momentum, squared = 0.0;
-        for (int i = 0; i < 3; ++i) {
-            momentum = 0.5 * g[APPLIED + i];
-            for (int j = 0; j < 3; ++j)
-                momentum += g[PARAMETER + 3 * i + j] * g[MEASURED + 18 + j];
-            squared += momentum * momentum;
-        }
-        if (!(squared < c->guard_squared))
-            return 0;
-        run_plant(c->s.plan, c->s.fresh, c->s.model, g, c->s.horizon);
-    }
-    quaternion_of(g + MEASURED, q);
+    if (!move_on(c, g, torque, seconds, xyzw))
+        return 0;
     for (int i = 0; i < 4; ++i)
-        state->attitude_xyzw[i] = q[(i + 1) % 4];
+        state->attitude_xyzw[i] = xyzw[i];
     for (int i = 0; i < 3; ++i)
-        state->rate_rad_s[i] = g[MEASURED + 18 + i] / part;
+        state->rate_rad_s[i] = g[MEASURED + 18 + i];
     return 1;
 }
