@@ -42,8 +42,10 @@ STATEMENT = (
     'its ticks on '
     '/diagnostics. Two processes on two cores; N as shipped, no terminal set (at these periods '
     'it is out of reach from the start), closed loop from 50 degrees.')
-#: At this rate the latency's 99th percentile has to be below this, and no tick missed.
-TARGET_HZ, TARGET_P99_US = 100.0, 2000.0
+#: At this rate percentiles of the latency are at most these [us].
+TARGET_HZ, TARGET_US = 100.0, {'p99': 1200.0, 'p99.9': 2000.0}
+#: At these no answer is late and no tick missed.
+TIMELY_HZ = (100.0, 200.0)
 #: Longer than any first start and both waits of the probe [s].
 _PATIENCE_S = 240.0
 
@@ -120,17 +122,19 @@ def percentiles(values: Sequence[float]) -> dict[str, float]:
 
 
 def targets(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return what latency and ticks have to be at one rate, with what they are."""
-    here = {row['mode']: row for row in rows if row['rate_hz'] == TARGET_HZ}
-    answered, ticked = here.get(LOCKSTEP, {}), here.get(TIMER, {})
-    aims = []
-    if 'reported_answer_time_us' in answered:
-        p99 = answered['reported_answer_time_us']['p99']
-        aims += [(f'p99 latency at {TARGET_HZ:g} Hz [us]', p99, TARGET_P99_US),
-                 (f'answers after the next state at {TARGET_HZ:g} Hz', answered['missed'], 0)]
-    if 'reported_missed_ticks' in ticked:
-        aims.append((f'ticks missed by the controller at {TARGET_HZ:g} Hz',
-                     ticked['reported_missed_ticks'], 0))
+    """Return what latency and ticks have to be, with what they are."""
+    aims: list[tuple[str, float, float]] = []
+    for row in rows:
+        rate_hz = row['rate_hz']
+        if rate_hz == TARGET_HZ and 'reported_answer_time_us' in row:
+            aims += [(f'{name} latency at {rate_hz:g} Hz [us]',
+                      row['reported_answer_time_us'][name], bound)
+                     for name, bound in TARGET_US.items()]
+        if rate_hz in TIMELY_HZ and row['mode'] == LOCKSTEP:
+            aims.append((f'answers after the next state at {rate_hz:g} Hz', row['missed'], 0))
+        if rate_hz in TIMELY_HZ and 'reported_missed_ticks' in row:
+            aims.append((f'ticks missed by the controller at {rate_hz:g} Hz',
+                         row['reported_missed_ticks'], 0))
     return [{'aim': aim, 'value': value, 'at_most': bound, 'met': value <= bound}
             for aim, value, bound in aims]
 
