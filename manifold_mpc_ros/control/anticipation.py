@@ -55,17 +55,20 @@ class Anticipation:
         if self._law.observer is not None:
             self._law.observer.restart()
 
-    def see(self, sample: StateSample) -> None:
-        """Take the latest state into account."""
+    def see(self, sample: StateSample | None) -> None:
+        """Take the latest state into account, if there is one."""
+        if sample is None:
+            return
         known = self._law.known
         self.known_B_n_m = None if known is None else known_torque_B(
             known, sample.stamp_ns, sample.R_NB)
         if self._law.observer is not None:
             self._law.observer.observe(sample, self._sent, self._acting_since_ns)
 
-    def watch(self, sample: StateSample) -> None:
+    def watch(self, sample: StateSample | None) -> None:
         """Compare how the body answers with the model, once the command is on its way."""
-        self.body.observe(sample, self._sent, self._acting_since_ns)
+        if sample is not None:
+            self.body.observe(sample, self._sent, self._acting_since_ns)
 
     def send(self, time_ns: int, mode: Mode, acting_B_n_m: Array) -> None:
         """Note the torque (3,) [N m] that is sent in a mode; our own are those of acting modes."""

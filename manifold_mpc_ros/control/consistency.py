@@ -13,8 +13,7 @@ between two states, |delta omega| the largest change of the rate and e the decla
 measured attitude; and by noise that nobody declared, seen in changes of the rate that are beyond
 A dt, and in what no convention explains. More is a contradiction only where one of
 `CONVENTIONS`, a linear map of the rate, explains the motion four times better: noise, gaps, late
-messages and a frozen sensor do not find one that fits again and again. Pure logic: states in, a
-sentence out.
+messages and a frozen sensor do not find one that fits again and again.
 """
 
 from __future__ import annotations
@@ -51,7 +50,6 @@ REST_PART = 0.1
 RATE_PART = 0.05
 #: Beyond this nothing is said about a motion [rad/s], [steps].
 LARGEST_RATE_RAD_S, LONGEST_COMPARED_STEPS = 1e3, 5.0
-
 _DEGREE = math.pi / 180.0
 
 
@@ -124,9 +122,8 @@ class MotionBounds:
 
     def at_rest(self, sample: StateSample) -> bool:
         """Return whether a state is at rest, which it is in every convention."""
-        limited = math.isfinite(self.acceleration_rad_s2)
-        change = self.acceleration_rad_s2 * self.step_s if limited else 0.0
-        return float(np.linalg.norm(sample.omega_BN_B)) <= REST_PART * change
+        change = np.nan_to_num(self.acceleration_rad_s2 * self.step_s, posinf=0.0)
+        return bool(np.linalg.norm(sample.omega_BN_B) <= REST_PART * change)
 
     @property
     def compared_s(self) -> tuple[float, float]:
@@ -189,9 +186,8 @@ class _Window:
 class ConsistencyCheck:
     """Compares each state with those before it, while ``bounds`` are set.
 
-    While nothing contradicts, the latest state waits for `judge`, until the command of a tick is
-    on its way: comparing costs time. ``contradiction`` says what contradicts, '' while nothing
-    does.
+    ``contradiction`` says what contradicts, '' while nothing does; while that is so the latest
+    state waits for `judge`, for when the command of a tick is on its way.
     """
 
     def __init__(self) -> None:
@@ -293,8 +289,7 @@ class ConsistencyCheck:
         named = [likeliest]
         if squares[likeliest] > 1.2 * squares.min() + 1e-12:
             named.append(int(np.argmin(squares)))
-        self._large = float(angles[0]) > POOR_SENSOR_RAD
-        self._likely = likeliest < len(_LIKELY)
+        self._large, self._likely = angles[0] > POOR_SENSOR_RAD, likeliest < len(_LIKELY)
         words = ', or if '.join(CONVENTIONS[each].words for each in named)
         self._sentence = (f'attitude and rate contradict each other by {residuals[0]:.3g} rad/s; '
                           f'they would agree if {words}')

@@ -161,14 +161,12 @@ class ControlLoop:
 
     def command(self, at: TickTime) -> Command:
         """Return the command of this tick; `judged` is for when it is on its way."""
-        late = self._law.solver.late_result()
-        if late is not None and late.request.epoch == self._epoch:
+        if (late := self._law.solver.late_result()) and late.request.epoch == self._epoch:
             self._offer(late)
         sample, time_ns = self.sample, at.time_ns(self.sample)
         age_ns = None if sample is None else at.age_ns(sample)
         facts, solution = Facts(age_ns), None
-        if sample is not None:
-            self.ahead.see(sample)
+        self.ahead.see(sample)
         if age_ns is not None and self.logic.wants_plan(age_ns):
             facts, solution = self._solve(time_ns, age_ns)
         self.output.actuator.planned = None if solution is None else solution.wheel_torque_n_m
@@ -191,8 +189,7 @@ class ControlLoop:
         if solution is not None:
             self.plan_watch.see(solution.status, solution.solve_time_s, solution.target_momentum)
         self.logic.consistency.judge()
-        if self.sample is not None:
-            self.ahead.watch(self.sample)
+        self.ahead.watch(self.sample)
         self.steady_error.see(self.sample, self.target, reduced=command.mode in _SOURCES)
         return self._law.judged(
             command, time_ns / NANOSECONDS,

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from multiprocessing import resource_tracker
 from types import TracebackType
 from typing import Any, Generic, TypeVar
 
@@ -70,7 +70,7 @@ class Workers(Generic[State]):
                     self._state = self._make()
                 yield index, function(self._state, job)
             return
-        with _interrupts_ignored():
+        with _interrupts_blocked():
             index_of = {self._pool.submit(_run, function, job): index
                         for index, job in enumerate(jobs)}
         for future in as_completed(index_of):
@@ -89,6 +89,7 @@ def _initialise(make: Callable[[], Any]) -> None:
     """Prepare a worker process: interrupts are for the parent, and its end is ours."""
     global _state
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     end_with_parent()
     _state = make()
 
@@ -99,13 +100,14 @@ def _run(function: Callable[[Any, Any], Any], job: Any) -> Any:
 
 
 @contextmanager
-def _interrupts_ignored() -> Iterator[None]:
-    """Let processes that start inside ignore interrupts until `_initialise` has run."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _interrupts_blocked() -> Iterator[None]:
+    """Keep interrupts for the end of the block, and from processes that start inside.
+
+    Those block them until `_initialise` has run; one that comes meanwhile is raised here then.
+    """
+    resource_tracker.ensure_running()  # its start would unblock them
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -145,10 +145,8 @@ class ManagedNode(LifecycleNode):
             period_s, self.barrier.guarded(where, callback),
             clock=None if ros_time else self.steady_clock)
 
-    def listen(
-        self, kind: type, topic: str, callback: Callable[..., None], qos: QoSProfile, *,
-        raw: bool = False,
-    ) -> Subscription:
+    def listen(self, kind: type, topic: str, callback: Callable[..., None], qos: QoSProfile, *,
+               raw: bool = False) -> Subscription:
         """Subscribe, behind the barrier, ``raw`` to bytes; publishers of other QoS are noted."""
         return self.create_subscription(
             kind, topic, self.barrier.guarded(topic, callback), qos, raw=raw,

@@ -5,6 +5,10 @@
 from __future__ import annotations
 
 import os
+import signal
+import threading
+from concurrent.futures import ProcessPoolExecutor
+from typing import Any
 
 import pytest
 
@@ -55,6 +59,22 @@ def test_the_error_of_a_job_comes_through(processes: int) -> None:
         with pytest.raises(DesignError, match='job 3 cannot be done'):
             dict(workers.run(refuse, range(6)))
         assert dict(workers.run(square, [7]))[0][0] == 49
+
+
+def test_an_interrupt_while_processes_start_is_raised_when_they_have(
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    submit, submitted = ProcessPoolExecutor.submit, []
+
+    def interrupted(pool: ProcessPoolExecutor, *arguments: Any) -> Any:
+        signal.pthread_kill(threading.get_ident(), signal.SIGINT)
+        submitted.append(submit(pool, *arguments))
+        return submitted[-1]
+
+    monkeypatch.setattr(ProcessPoolExecutor, 'submit', interrupted)
+    with Workers(build, 2) as workers, pytest.raises(KeyboardInterrupt):
+        dict(workers.run(square, range(3)))
+    assert len(submitted) == 3
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
 
 
 def test_a_worker_that_dies_is_an_error() -> None:
