@@ -105,7 +105,7 @@ def test_a_second_simulator_beside_a_clock_says_that_it_ignores_it(rig: Rig) -> 
     publishing = simulator(rig, 'sat1', **PUBLISHES)
     rig.until(lambda: said(diagnostics, 'sat1') == 'simulated time runs', 'the clock')
     words = 'not /clock of /sat1/lgvi_simulator; use_sim_time: true follows it'
-    # Where the middleware loses a message of discovery, it repeats it after 3 s: the next is not so.
+    # Where the middleware loses a message of discovery, it repeats it after 3 s; not every time.
     for name in ('sat2', 'sat3', 'sat4', 'sat5'):
         ignoring = simulator(rig, name)
         rig.until(lambda name=name: said(diagnostics, name) != '', 'the second simulator')
