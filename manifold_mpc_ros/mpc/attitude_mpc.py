@@ -162,7 +162,7 @@ class AttitudeMpc:
             return failed(R_NB, omega, self.config.horizon, time.perf_counter() - begin,
                           self.limits_used)
         return AttitudeMpcSolution(
-            torques[0].copy(), torques, attitudes, rates, cost, int(passes),
+            torques[0], torques, attitudes, rates, cost, int(passes),
             time.perf_counter() - begin, _STATUSES[int(status)], residual, violation,
             searched != 0.0, promised, ratio, local_s, None,
             self.limits_used if self._acting or self._tracked else 0.0)

@@ -110,7 +110,7 @@ class CompiledMpc:
         """
         self._attitude[...], self._rate[...], self._target[...] = R_NB, omega_BN_B, R_ND
         self._library.answer(self._address, deadline_s, local)
-        return (_HEAD.unpack_from(self._answer.data), self._torques.copy(), self._attitudes.copy(),
+        return (_HEAD.unpack_from(self._answer), self._torques.copy(), self._attitudes.copy(),
                 self._rates.copy())
 
     def reset(self) -> None:
