@@ -35,16 +35,19 @@ if TYPE_CHECKING:
 RATES_HZ = (10.0, 50.0, 100.0, 200.0)
 PERCENTILES = (50.0, 99.0, 99.9)
 LOCKSTEP, TIMER = 'lockstep', 'timer'
+#: The controller's, as where it flies.
+PRIORITY = 50
 STATEMENT = (
     'Lockstep: from a state received to its torque published, both by the controller, its '
     'executor included; the round trip is from the state published to the torque received by the '
     'other process, late when the next state was due before. Timer: what the controller says of '
     'its ticks on '
     '/diagnostics. Two processes on two cores; N as shipped, no terminal set (at these periods '
-    'it is out of reach from the start), closed loop from 50 degrees.')
+    'it is out of reach from the start), closed loop from 50 degrees. The controller has '
+    f'realtime.scheduler_priority {PRIORITY} and realtime.lock_memory, where the user may.')
 #: At this rate percentiles of the latency are at most these [us].
 TARGET_HZ, TARGET_US = 100.0, {'p99': 1200.0, 'p99.9': 2000.0}
-#: At these no answer is late and no tick missed.
+#: At these no answer takes longer than a period and no tick is missed.
 TIMELY_HZ = (100.0, 200.0)
 #: Longer than any first start and both waits of the probe [s].
 _PATIENCE_S = 240.0
@@ -72,7 +75,8 @@ def measure(settings: TickSettings, say: Callable[[str], None]) -> list[dict[str
 def _run(settings: TickSettings, rate_hz: float, lockstep: bool) -> dict[str, Any]:
     """Run the controller and the probe; return what the probe saw."""
     parameters = {'mpc.step_s': repr(1.0 / rate_hz), 'mpc.terminal_constraint': 'false',
-                  'lockstep': str(lockstep).lower()}
+                  'lockstep': str(lockstep).lower(),
+                  'realtime.scheduler_priority': str(PRIORITY), 'realtime.lock_memory': 'true'}
     arguments = ['--params-file', str(shipped_config('controller.yaml'))]
     for name, value in parameters.items():
         arguments += ['-p', f'{name}:={value}']
@@ -130,8 +134,9 @@ def targets(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
             aims += [(f'{name} latency at {rate_hz:g} Hz [us]',
                       row['reported_answer_time_us'][name], bound)
                      for name, bound in TARGET_US.items()]
-        if rate_hz in TIMELY_HZ and row['mode'] == LOCKSTEP:
-            aims.append((f'answers after the next state at {rate_hz:g} Hz', row['missed'], 0))
+        if rate_hz in TIMELY_HZ and 'reported_answer_time_us' in row:
+            aims.append((f'longest latency at {rate_hz:g} Hz [us]',
+                         row['reported_answer_time_us']['max'], 1e6 / rate_hz))
         if rate_hz in TIMELY_HZ and 'reported_missed_ticks' in row:
             aims.append((f'ticks missed by the controller at {rate_hz:g} Hz',
                          row['reported_missed_ticks'], 0))
