@@ -53,6 +53,7 @@ class CompiledMpc:
         self._rate = measured[18:]
         n = self.horizon
         self._answer = np.zeros(_HEAD.size // 8 + 3 * n + 12 * (n + 1))
+        self._head = self._answer.data
         _, torques, attitudes, rates = np.split(
             self._answer, np.cumsum([_HEAD.size // 8, 3 * n, 9 * (n + 1)]))
         self._torques, self._rates = torques.reshape(n, 3), rates.reshape(n + 1, 3)
@@ -110,7 +111,7 @@ class CompiledMpc:
         """
         self._attitude[...], self._rate[...], self._target[...] = R_NB, omega_BN_B, R_ND
         self._library.answer(self._address, deadline_s, local)
-        return (_HEAD.unpack_from(self._answer), self._torques.copy(), self._attitudes.copy(),
+        return (_HEAD.unpack_from(self._head), self._torques.copy(), self._attitudes.copy(),
                 self._rates.copy())
 
     def reset(self) -> None:
