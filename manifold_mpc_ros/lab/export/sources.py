@@ -51,7 +51,7 @@ def exported(config: AttitudeMpcConfig, terminal: TerminalDesign, *, moving: boo
     key = cache.name_of(structure, sorted(rows.items()), sorted(beside))
     names = {name: f'numbers_of_{name}' for name in beside}
     code = '\n'.join([
-        _guard(key), source('one_lane.h'), defines(structure), parts_code(structure),
+        _guard(key), source('one_lane.h'), defines(structure), parts_code(structure, 'plant'),
         controller_code(structure),
         _filled('interface.c', {
             'STRUCT_DOUBLES': str(_STRUCT_DOUBLES),

@@ -188,9 +188,10 @@ def _cone_defines(structure: Structure) -> list[str]:
             ] if places else []
 
 
-def parts_code(structure: Structure) -> str:
-    """Return the phases and the functions that run the parts of a solve."""
-    parts = {name: part for name, part in program_of(structure)._asdict().items() if part}
+def parts_code(structure: Structure, without: str = '') -> str:
+    """Return the phases and the functions that run the parts of a solve, without one of them."""
+    parts = {name: part for name, part in program_of(structure)._asdict().items()
+             if part and name != without}
     phases = {phase.name: phase for part in parts.values() for phase in part}
     return '\n'.join([
         *(phase_code(phase, layout_of(structure)) for phase in phases.values()),
