@@ -10,22 +10,20 @@ from the bytes of others that have the same form: the same length, byte order an
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from rclpy.serialization import deserialize_message, serialize_message
 
 from manifold_mpc_ros.config.description import Part, Steps
-from manifold_mpc_ros.control.described.fields import WRONG_FIELD, put, value_at
+from manifold_mpc_ros.control.described.fields import WRONG_FIELD
 from manifold_mpc_ros.control.described.source import ReadPart, part_of, part_paths, read_part
 
-#: How numbers lie in CDR, and one of each kind whose bytes are found nowhere else by chance.
-_CODES = {'double': 'd', 'float': 'f', 'int32': 'i', 'uint32': 'I', 'int64': 'q', 'uint64': 'Q'}
-_MARKS = {'d': -8.15193e-77, 'f': struct.unpack('<f', b'\x9a\x37\xc5\x11')[0],
-          'i': 0x5AC396E1, 'I': 0xA5C396E1, 'q': 0x5AC396E1B7D20F83, 'Q': 0xA5C396E1B7D20F83}
-_TEXT = '<another text, which no message has>'
-#: Bytes of the encapsulation, and of the length before a text.
-_HEAD, _LENGTH = 4, 4
+#: How numbers lie in CDR, each at a multiple of its size (OMG DDSI-RTPS, XCDR 1, little-endian).
+_CODES = {'boolean': '?', 'octet': 'B', 'uint8': 'B', 'int8': 'b', 'uint16': 'H', 'int16': 'h',
+          'uint32': 'I', 'int32': 'i', 'uint64': 'Q', 'int64': 'q', 'float': 'f', 'double': 'd'}
+#: What the bytes of such a message begin with; places are counted from behind it.
+_HEAD = b'\x00\x01\x00\x00'
 #: After so many messages of another form it is learned anew.
 _LEARN_AGAIN = 100
 
@@ -74,13 +72,13 @@ class QuickMessages:
     def _learn(self, message: Any, data: bytes) -> None:
         """Learn the form of a message, unless a sequence is in it, or another kind of number."""
         self._length = 0
-        probe = deserialize_message(data, self._kind)
         try:
-            texts = [_place_of_text(probe, steps) for steps in _texts(probe, ())]
-            self._known = {id(part): _known(part, message, probe) for part in self._parts}
+            layout = _Layout(message, data)
+            self._known = {id(part): _known(part, message, layout) for part in self._parts}
         except (IndexError, KeyError, *WRONG_FIELD):
             return
-        self._same = [(where, data[where]) for where in (slice(0, _HEAD), *texts)]
+        places = (slice(0, len(_HEAD)), *layout.texts)
+        self._same = [(where, data[where]) for where in places]
         self._length = len(data)
 
 
@@ -92,15 +90,18 @@ class QuickWriter:
     message
         One of them.
     paths
-        Where the numbers lie. Raises KeyError or ValueError where one is not found in the bytes.
+        Where the numbers lie. Raises KeyError or ValueError where that in the bytes is not known.
 
     """
 
     def __init__(self, message: Any, paths: Sequence[Steps]) -> None:
         """Learn the form."""
-        places = [_place_of_number(message, steps) for steps in paths]
-        self._places = [(struct.Struct('<' + code).pack_into, at) for at, code in places]
         self._data = bytearray(serialize_message(message))
+        layout = _Layout(message, self._data)
+        places = [layout.numbers[steps] for steps in paths]
+        self._places = [(struct.Struct('<' + code).pack_into, at) for at, code in places]
+        for where in layout.padding:  # the same bytes for the same numbers
+            self._data[where] = bytes(where.stop - where.start)
 
     def bytes_of(self, numbers: Sequence[float]) -> bytes:
         """Return the message with these numbers at the paths."""
@@ -109,14 +110,14 @@ class QuickWriter:
         return bytes(self._data)
 
 
-def _known(part: Part, message: Any, probe: Any) -> _Known:
-    """Return how a part is read of bytes; changes numbers of the probe."""
-    places = [_place_of_number(probe, steps) for steps in part_paths(part, message)]
-    ranked, layout, end = sorted(places), '<', 0
+def _known(part: Part, message: Any, layout: _Layout) -> _Known:
+    """Return how a part is read of bytes."""
+    places = [layout.numbers[steps] for steps in part_paths(part, message)]
+    ranked, taken, end = sorted(places), '<', 0
     for offset, code in ranked:
-        layout += f'{offset - end}x{code}'
+        taken += f'{offset - end}x{code}'
         end = offset + struct.calcsize('<' + code)
-    return _Known(struct.Struct(layout), tuple(map(ranked.index, places)),
+    return _Known(struct.Struct(taken), tuple(map(ranked.index, places)),
                   read_part(part, message, 0))
 
 
@@ -126,37 +127,44 @@ def _taken(known: _Known, part: Part, data: bytes, received_ns: int) -> ReadPart
     return part_of(part, [numbers[i] for i in known.order], received_ns, known.sample)
 
 
-def _place_of_number(probe: Any, steps: Steps) -> tuple[int, str]:
-    """Return where a number lies in bytes, and how; KeyError, ValueError: that cannot be told."""
-    owner, name = value_at(probe, steps[:-1]), steps[-1]
-    if isinstance(name, int):  # an element of an array
-        owner, name = value_at(probe, steps[:-2]), steps[-2]
-    code = _CODES[owner.get_fields_and_field_types()[name].partition('[')[0]]
-    old, mark = value_at(probe, steps), struct.pack('<' + code, _MARKS[code])
-    put(probe, steps, _MARKS[code])
-    data = bytes(serialize_message(probe))
-    put(probe, steps, old)
-    if data.count(mark) != 1:
-        raise ValueError(steps)
-    return data.index(mark), code
+class _Layout:
+    """Where the fields of a message lie in its bytes.
 
+    ``numbers``: place and code by path; ``texts``, their lengths before them; and ``padding``.
+    Raises ValueError where a sequence or another kind of text is in it, or for other bytes.
+    """
 
-def _place_of_text(probe: Any, steps: Steps) -> slice:
-    """Return where the length and the characters of a text lie in bytes."""
-    text = value_at(probe, steps)
-    put(probe, steps, _TEXT)
-    begin = bytes(serialize_message(probe)).index(_TEXT.encode()) - _LENGTH
-    put(probe, steps, text)
-    return slice(begin, begin + _LENGTH + len(text.encode()) + 1)
+    def __init__(self, message: Any, data: bytes | bytearray) -> None:
+        """Walk over the fields in their order."""
+        self.numbers: dict[Steps, tuple[int, str]] = {}
+        self.texts: list[slice] = []
+        self.padding: list[slice] = []
+        self._end = len(_HEAD)
+        self._walk(message, ())
+        if self._end != len(data) or bytes(data[:len(_HEAD)]) != _HEAD:
+            raise ValueError(f'{len(data)} bytes, not {self._end}')
 
+    def _walk(self, message: Any, before: Steps) -> None:
+        """Place the fields of a message inside."""
+        for name, kind in message.get_fields_and_field_types().items():
+            value, steps = getattr(message, name), (*before, name)
+            base, is_array, count = kind.partition('[')
+            if base in _CODES:
+                paths = [(*steps, i) for i in range(int(count[:-1]))] if is_array else [steps]
+                for path in paths:
+                    place = self._place(size := struct.calcsize('<' + _CODES[base]), size)
+                    self.numbers[path] = (place.start, _CODES[base])
+            elif base.partition('<')[0] == 'string' and not is_array:
+                self.texts.append(self._place(4, 4 + len(value.encode()) + 1))
+            elif hasattr(value, 'get_fields_and_field_types'):
+                self._walk(value, steps)
+            else:
+                raise ValueError(kind)
 
-def _texts(message: Any, before: Steps) -> Iterator[Steps]:
-    """Return the paths of all texts; raises ValueError for what has any other variable length."""
-    for name, kind in message.get_fields_and_field_types().items():
-        steps = (*before, name)
-        if kind.partition('<')[0] == 'string':
-            yield steps
-        elif hasattr(getattr(message, name), 'get_fields_and_field_types'):
-            yield from _texts(getattr(message, name), steps)
-        elif 'sequence' in kind or 'string' in kind or '/' in kind:
-            raise ValueError(kind)
+    def _place(self, alignment: int, size: int) -> slice:
+        """Return the next place at a multiple of the alignment."""
+        begin = self._end + -(self._end - len(_HEAD)) % alignment
+        if begin > self._end:
+            self.padding.append(slice(self._end, begin))
+        self._end = begin + size
+        return slice(begin, self._end)

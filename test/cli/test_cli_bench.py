@@ -66,7 +66,11 @@ def test_the_aims_of_the_latency() -> None:
     row = {'mode': 'lockstep', 'rate_hz': 100.0, 'ticks': 9, 'missed': 1,
            'reported_answer_time_us': tick.percentiles([100.0] * 99 + [5000.0])}
     timer = {'mode': 'timer', 'rate_hz': 100.0, 'ticks': 9, 'reported_missed_ticks': 0.0}
-    assert [aim['met'] for aim in tick.targets([row, timer])] == [True, False, True]
+    assert [aim['met'] for aim in tick.targets([row, timer])] == [True, False, True, True]
+    fast = {**row, 'rate_hz': 200.0}
+    assert [aim['met'] for aim in tick.targets([fast])] == [True]
+    fast['reported_answer_time_us'] = tick.percentiles([5001.0])
+    assert [aim['met'] for aim in tick.targets([fast])] == [False]
     assert tick.targets([{**row, 'rate_hz': 50.0}]) == []
 
 

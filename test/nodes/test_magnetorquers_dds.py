@@ -63,7 +63,7 @@ def test_wheels_are_desaturated_from_80_to_10_percent_while_pointing_holds(
             return float(np.linalg.norm(total)) / reach
 
         rig.until(lambda: len(wheels) > 0, 'wheels')
-        assert left() > 0.75
+        assert left() > 0.5  # of the 80 % that it begins with, at the first that is heard
         rig.until(lambda: left() < 0.1, 'desaturation')
     errors = [so3.angle(so3.rotation_from_quaternion([q.w, q.x, q.y, q.z]))
               for q in (m.pose.pose.orientation for m in states)]
