@@ -39,9 +39,9 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 
 import manifold_mpc_ros
-from manifold_mpc_ros.nodes.barrier import GuardedExecutor
 from manifold_mpc_ros.nodes.controller.main import PROGRAM
 from manifold_mpc_ros.nodes.controller.node import AttitudeControllerNode
+from manifold_mpc_ros.nodes.executor import GuardedExecutor
 
 PACKAGE = str(Path(manifold_mpc_ros.__file__).parent) + '/'
 TOP = Path(__file__).resolve().parent.parent
