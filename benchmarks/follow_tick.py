@@ -145,9 +145,7 @@ class Bench:
             taken = self._until(lambda calls: any('admit' in call.function for call in calls))
             if not taken:
                 continue
-            answered = any(call.function == '_publish' for call in taken)
-            path = taken if answered else taken + self._until(
-                lambda calls: any(call.function == '_publish' for call in calls))
+            path = taken if _is_answered(taken) else taken + self._until(_is_answered)
             if self.controller.status().values.get(nominal[0]) == nominal[1]:
                 return path
 
@@ -171,6 +169,12 @@ class Bench:
         message.pose.pose.orientation.z = 0.15
         message.pose.pose.orientation.w = (1.0 - 0.15**2) ** 0.5
         self._states.publish(message)
+
+
+def _is_answered(calls: Sequence[Call]) -> bool:
+    """Return whether a torque was published among the calls."""
+    return any((call.file, call.function) == ('nodes/command_output.py', 'send')
+               for call in calls)
 
 
 def follow(*, lockstep: bool) -> list[Call]:

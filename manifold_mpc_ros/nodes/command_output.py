@@ -6,8 +6,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from contextlib import suppress
+from typing import Any
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.duration import Duration
 
@@ -88,7 +89,7 @@ class _Output:
     def __init__(self, node: ManagedNode, writer: CommandWriter, kind: type) -> None:
         """Advertise the topic."""
         self._node, self._writer, self._message = node, writer, kind()
-        self._quick: QuickWriter | None = None
+        self._quick = _quick_writer(writer, self._message)
         described = writer.described
         self.publisher = node.advertise(kind, described.topic)
         self.timer = node.tick_every(
@@ -101,19 +102,26 @@ class _Output:
         self._node.destroy_lifecycle_publisher(self.publisher)
 
     def publish(self, stamp_ns: int, actuation: Actuation | None) -> None:
-        """Publish one message, from the second on by its bytes where that can be."""
+        """Publish one message, by its bytes where that can be."""
         writer, message = self._writer, self._message
         sent_ns = self._node.get_clock().now().nanoseconds
-        if self._quick is not None and actuation is not None:
+        if self._quick is None or actuation is None:
+            self.publisher.publish(writer.fill(message, stamp_ns, sent_ns, actuation))
+        else:
             self.publisher.publish(self._quick.bytes_of(
                 writer.numbers(message, stamp_ns, sent_ns, actuation)))
-            return
-        self.publisher.publish(writer.fill(message, stamp_ns, sent_ns, actuation))
-        if actuation is not None and writer.described.fields:
-            with suppress(KeyError, ValueError):
-                self._quick = QuickWriter(message, writer.paths(message))
 
     def _on_timer(self) -> None:
         """Publish what comes by itself, while the node is active."""
         if self._node.active:
             self.publish(self._node.get_clock().now().nanoseconds, None)
+
+
+def _quick_writer(writer: CommandWriter, message: Any) -> QuickWriter | None:
+    """Return what writes a writer's commands by their bytes, None where that cannot be."""
+    zero = Actuation(np.zeros(3), np.zeros(3), np.zeros(3))
+    try:
+        paths = writer.paths(message)
+        return QuickWriter(writer.fill(message, 0, 0, zero), paths)
+    except (IndexError, KeyError, ValueError):  # a command to devices, or in a sequence
+        return None
