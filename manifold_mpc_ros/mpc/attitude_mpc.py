@@ -202,14 +202,21 @@ class AttitudeMpc:
         self._tracked = reference is not None
         return self.solver.set_reference(R_NB, R_ND, reference)
 
-    def moved_on(self, R_NB: Array, omega_BN_B: Array, torque_B_n_m: Array, lasting_s: float
-                 ) -> tuple[Array, Array]:
+    def moved_on(self, R_NB: ArrayLike, omega_BN_B: ArrayLike, torque_B_n_m: ArrayLike,
+                 lasting_s: float) -> tuple[Array, Array]:
         """Map attitude, rate [rad/s], torque (3,) [N m] and its duration [s] to the state then.
 
         In LGVI steps of at most ``step_s``, as the exported controller does it; any thread may ask
-        while another solves. Raises StepExistenceError where the implicit step is not guaranteed.
+        while another solves. Raises StepExistenceError where the implicit step is not guaranteed,
+        ConfigurationError for an array of another shape or a time that is not positive and finite.
         """
-        moved = self.solver.moved_on(R_NB, omega_BN_B, torque_B_n_m, lasting_s)
+        R, omega, _ = _checked(R_NB, omega_BN_B, None)
+        torque = np.asarray(torque_B_n_m, dtype=float)
+        if torque.shape != (3,):
+            raise ConfigurationError('torque_B_n_m', torque.shape, 'an array of shape (3,)')
+        if not 0.0 < lasting_s < math.inf:
+            raise ConfigurationError('lasting_s', lasting_s, 'a positive finite time [s]')
+        moved = self.solver.moved_on(R, omega, torque, lasting_s)
         if moved is None:
             raise StepExistenceError('the rate is beyond the guard of the implicit step')
         return moved

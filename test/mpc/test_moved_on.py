@@ -11,7 +11,7 @@ import pytest
 from cases import CERTIFIED, LIMITED, configuration, random_states
 
 from manifold_mpc_ros.control.torque_history import by_lgvi
-from manifold_mpc_ros.errors import StepExistenceError
+from manifold_mpc_ros.errors import ConfigurationError, StepExistenceError
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 
 
@@ -41,9 +41,23 @@ def test_the_warm_start_is_not_touched(mpc: AttitudeMpc) -> None:
     assert mpc.solve(R, omega).cost == second.cost
 
 
-@pytest.mark.parametrize(('omega', 'lasting_s'), [
-    ([9.0, 0.0, 0.0], 0.5), ([np.nan, 0.0, 0.0], 0.5), ([0.0, 0.0, 0.0], np.inf)])
-def test_what_cannot_be_moved_on_raises(
-        mpc: AttitudeMpc, omega: list[float], lasting_s: float) -> None:
+@pytest.mark.parametrize('omega', [[9.0, 0.0, 0.0], [np.nan, 0.0, 0.0]])
+def test_what_cannot_be_moved_on_raises(mpc: AttitudeMpc, omega: list[float]) -> None:
     with pytest.raises(StepExistenceError, match='guard of the implicit step'):
-        mpc.moved_on(np.eye(3), np.array(omega), np.zeros(3), lasting_s)
+        mpc.moved_on(np.eye(3), omega, np.zeros(3), 0.5)
+
+
+@pytest.mark.parametrize(('name', 'value'), [
+    ('R_NB', np.eye(2)), ('omega_BN_B', np.zeros(2)), ('torque_B_n_m', np.zeros(2)),
+    ('lasting_s', -1.0), ('lasting_s', 0.0), ('lasting_s', np.inf), ('lasting_s', np.nan)])
+def test_a_wrong_shape_or_time_is_named(mpc: AttitudeMpc, name: str, value: object) -> None:
+    given = {'R_NB': np.eye(3), 'omega_BN_B': np.zeros(3), 'torque_B_n_m': np.zeros(3),
+             'lasting_s': 0.5, name: value}
+    with pytest.raises(ConfigurationError, match=name):
+        mpc.moved_on(**given)
+
+
+def test_whole_numbers_are_numbers(mpc: AttitudeMpc) -> None:
+    R, omega = mpc.moved_on(np.eye(3, dtype=int), [0, 0, 0], [0, 0, 0], 1)
+    np.testing.assert_array_equal(R, np.eye(3))
+    np.testing.assert_array_equal(omega, np.zeros(3))
