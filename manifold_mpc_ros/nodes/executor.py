@@ -10,8 +10,8 @@ from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
+from rclpy.utilities import timeout_sec_to_nsec
 
-from manifold_mpc_ros.control.input_gate import to_ns
 from manifold_mpc_ros.nodes.barrier import Barrier
 
 
@@ -55,7 +55,7 @@ class GuardedExecutor(SingleThreadedExecutor):
                               (wait_set.add_guard_condition, [self._guard])):
             for each in entities:
                 add(each.handle)
-        wait_set.wait(to_ns(longest_s))
+        wait_set.wait(timeout_sec_to_nsec(longest_s))
         heard, due, *others = map(wait_set.get_ready_entities, (
             'subscription', 'timer', 'service', 'guard_condition'))
         for timer in timers if due else ():
