@@ -10,14 +10,14 @@ from the bytes of others that have the same form: the same length, byte order an
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from rclpy.serialization import deserialize_message, serialize_message
 
 from manifold_mpc_ros.config.description import Part, Steps
 from manifold_mpc_ros.control.described.fields import WRONG_FIELD
-from manifold_mpc_ros.control.described.source import ReadPart, part_of, part_paths, read_part
+from manifold_mpc_ros.control.described.source import ReadPart, part_paths, read_part
 
 #: How numbers lie in CDR, each at a multiple of its size (OMG DDSI-RTPS, XCDR 1, little-endian).
 _CODES = {'boolean': '?', 'octet': 'B', 'uint8': 'B', 'int8': 'b', 'uint16': 'H', 'int16': 'h',
@@ -37,14 +37,14 @@ class _Known(NamedTuple):
 
 
 class QuickMessages:
-    """Reads the parts of states that messages of one type hold.
+    """Reads the numbers of the parts of states that messages of one type hold.
 
     Arguments
     ---------
     kind
         The type.
     parts
-        What is read of each.
+        What is read of each, in the order of the answers.
 
     """
 
@@ -53,28 +53,35 @@ class QuickMessages:
         self._kind, self._parts = kind, parts
         self._length = 0
         self._same: list[tuple[slice, bytes]] = []
-        self._known: dict[int, _Known] = {}
+        self._known: list[_Known] = []
         self._others = 0
 
-    def reader(self, data: bytes, received_ns: int) -> Callable[[Part], ReadPart]:
-        """Return what reads a part of a message; that raises what `read_part` raises.
+    def numbers(self, data: bytes) -> list[tuple[list[float], ReadPart]] | None:
+        """Return the numbers of each part, and that part of another message of the same form.
+
+        They are in the order of `part_paths`. None for bytes of another form: see `message`.
+        """
+        if len(data) == self._length and all(data[where] == same for where, same in self._same):
+            return [_taken(known, data) for known in self._known]
+        return None
+
+    def message(self, data: bytes) -> Any:
+        """Return a message of another form as rclpy makes it; now and then its form is learned.
 
         Raises what rclpy does for bytes that are no message.
         """
-        if len(data) == self._length and all(data[where] == same for where, same in self._same):
-            return lambda part: _taken(self._known[id(part)], part, data, received_ns)
         message = deserialize_message(data, self._kind)
         if self._others % _LEARN_AGAIN == 0:
             self._learn(message, data)
         self._others += 1
-        return lambda part: read_part(part, message, received_ns)
+        return message
 
     def _learn(self, message: Any, data: bytes) -> None:
         """Learn the form of a message, unless a sequence is in it, or another kind of number."""
         self._length = 0
         try:
             layout = _Layout(message, data)
-            self._known = {id(part): _known(part, message, layout) for part in self._parts}
+            self._known = [_known(part, message, layout) for part in self._parts]
         except (IndexError, KeyError, *WRONG_FIELD):
             return
         places = (slice(0, len(_HEAD)), *layout.texts)
@@ -121,10 +128,10 @@ def _known(part: Part, message: Any, layout: _Layout) -> _Known:
                   read_part(part, message, 0))
 
 
-def _taken(known: _Known, part: Part, data: bytes, received_ns: int) -> ReadPart:
-    """Return the part of a message that bytes of a known form are."""
+def _taken(known: _Known, data: bytes) -> tuple[list[float], ReadPart]:
+    """Return the numbers of a part in bytes of a known form, and the part that it is like."""
     numbers = known.layout.unpack_from(data)
-    return part_of(part, [numbers[i] for i in known.order], received_ns, known.sample)
+    return [numbers[i] for i in known.order], known.sample
 
 
 class _Layout:

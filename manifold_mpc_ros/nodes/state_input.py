@@ -94,8 +94,12 @@ class StateInput:
             in_turn = self._watches[topic].note(info.get('publication_sequence_number'))
             if in_turn and self._subscriptions[topic].get_publisher_count() > 1:
                 self._on_duplicate(topic)
-            read = self._source.join(
-                topic, messages.reader(data, self._node.get_clock().now().nanoseconds))
+            received_ns = self._node.get_clock().now().nanoseconds
+            numbers = messages.numbers(data)
+            if numbers is None:
+                read = self._source.read(topic, messages.message(data), received_ns)
+            else:
+                read = self._source.read_numbers(topic, numbers, received_ns)
             if read is not None:
                 self._on_state(read, info)
 

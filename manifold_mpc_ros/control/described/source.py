@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -107,10 +107,20 @@ class DescribedSource:
         None while the other message of the state has not come; a Refusal where the message
         cannot be part of one.
         """
-        return self.join(topic, lambda part: read_part(part, message, received_ns))
+        return self._join(topic, lambda part: read_part(part, message, received_ns))
 
-    def join(self, topic: str, read: Callable[[Part], ReadPart]) -> RawState | Refusal | None:
-        """Do the same with what reads the parts of a message."""
+    def read_numbers(
+        self, topic: str, given: Iterable[tuple[Sequence[float], ReadPart]], received_ns: int,
+    ) -> RawState | Refusal | None:
+        """Do the same with the numbers of a message, as `part_of` takes them, of each of `parts`.
+
+        With the numbers of a part comes what `read_part` made of a message with the same frames.
+        """
+        each = iter(given)
+        return self._join(topic, lambda part: part_of(part, *next(each), received_ns))
+
+    def _join(self, topic: str, read: Callable[[Part], ReadPart]) -> RawState | Refusal | None:
+        """Take the parts that a message of a topic has; return the state that they complete."""
         described = self._description
         try:
             if topic == described.attitude.topic:
@@ -166,7 +176,7 @@ def part_paths(part: Part, message: Any) -> list[Steps]:
     return [steps for steps in paths if steps]
 
 
-def part_of(part: Part, numbers: Sequence[float], received_ns: int, like: ReadPart) -> ReadPart:
+def part_of(part: Part, numbers: Sequence[float], like: ReadPart, received_ns: int) -> ReadPart:
     """Return what `read_part` does, of the numbers of `part_paths`, with frames of another."""
     count, stamp_ns, there = len(part.convention.names), received_ns, True
     if part.stamp and part.stamp_unit_ns:
