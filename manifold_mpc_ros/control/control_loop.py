@@ -229,7 +229,7 @@ class ControlLoop:
             return Facts(age_ns, SolveOutcome.BEYOND_GUARD, detail=(
                 'the rate is beyond the guard of the implicit step')), None
         config, acting_ns = self._law.config, time_ns + self.ahead.delay_ns
-        directions_N = self.directions.over_horizon(acting_ns)
+        directions_N = self.directions.over_horizon(acting_ns) if config.cones else {}
         target = self._flown = self.target if self.slews is None else self.slews.target(
             self.target, (R_NB, omega_BN_B), acting_ns, self.directions.at(acting_ns), self._void)
         result = self._law.solver.solve(SolveRequest(

@@ -43,13 +43,15 @@ class ConeInputs:
     def add_to(self, status: Status) -> None:
         """Add margins of the body and of its target, and what is wrong with either."""
         mpc, loop = self.config.mpc, self._loop
+        if not mpc.cones:
+            return
         warnings = []
         directions_N = loop.directions.at(0 if loop.sample is None else loop.sample.stamp_ns)
         for cone in mpc.cones:
             if loop.sample is not None:
                 margin = float(cone.margins_rad(loop.sample.R_NB, directions_N.get(cone.name)))
                 status.values[f'cone.{cone.name}.margin_deg'] = math.degrees(margin)
-        if mpc.cones and loop.sample is not None and loop.target is not None:
+        if loop.sample is not None and loop.target is not None:
             R_ND, _ = loop.target.at(loop.sample.stamp_ns)
             seen = directions(mpc.cones, directions_N, 0)
             for name, margin in target_margins_rad(mpc, mpc.kept_cones, R_ND, seen).items():
