@@ -22,7 +22,7 @@ from manifold_mpc_ros import AttitudeMpc, AttitudeMpcConfig, WheelArray
 from manifold_mpc_ros.config.orbit import CircularOrbit
 from manifold_mpc_ros.config.simulator import SimulatorConfig
 from manifold_mpc_ros.config.wheel_parameters import WheelMotors
-from manifold_mpc_ros.control.wheels import magnetorquers
+from manifold_mpc_ros.control.devices import magnetorquers
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.sim.plant import Plant
 from manifold_mpc_ros.sim.wheel_plant import WheelPlant

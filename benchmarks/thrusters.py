@@ -25,7 +25,7 @@ import numpy as np
 from manifold_mpc_ros import AttitudeMpc, AttitudeMpcConfig
 from manifold_mpc_ros.config.simulator import SimulatorConfig
 from manifold_mpc_ros.config.thrusters import ThrusterArray
-from manifold_mpc_ros.control.thruster_actuator import ThrusterActuator
+from manifold_mpc_ros.control.devices.thruster_actuator import ThrusterActuator
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.sim.thruster_plant import ThrusterPlant
 

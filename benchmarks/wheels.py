@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 
 from manifold_mpc_ros import AttitudeMpc, AttitudeMpcConfig, WheelArray
-from manifold_mpc_ros.control.wheels.actuator import WheelActuator
+from manifold_mpc_ros.control.devices.wheel_actuator import WheelActuator
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.lie.arrays import Array

@@ -28,9 +28,9 @@ Interfaces = tuple[tuple[str, str, str], ...]
 #: What turns the body, by the value of the parameter ``actuators.kind``: 'module:Class' of an
 #: `Actuator` (control/actuator.py), imported when it is used.
 ACTUATORS = {'torque': 'manifold_mpc_ros.control.actuator:TorqueActuator',
-             'wheels': 'manifold_mpc_ros.control.wheels.actuator:WheelActuator',
-             'thrusters': 'manifold_mpc_ros.control.thruster_actuator:ThrusterActuator',
-             'magnetorquers': 'manifold_mpc_ros.control.wheels.magnetorquers:OnlyMagnetorquers'}
+             'wheels': 'manifold_mpc_ros.control.devices.wheel_actuator:WheelActuator',
+             'thrusters': 'manifold_mpc_ros.control.devices.thruster_actuator:ThrusterActuator',
+             'magnetorquers': 'manifold_mpc_ros.control.devices.magnetorquers:OnlyMagnetorquers'}
 
 #: What the controller subscribes to and the simulator publishes with ``actuators.kind: wheels``.
 WHEEL_STATES = ('wheel_states', 'sensor_msgs/msg/JointState', 'speeds of wheels [rad/s]')

@@ -6,10 +6,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from manifold_mpc_ros.control.body_watch import BodyWatch
 from manifold_mpc_ros.control.command import Law
 from manifold_mpc_ros.control.input_gate import StateSample, to_ns
 from manifold_mpc_ros.control.modes import ACTING, Mode
-from manifold_mpc_ros.control.response.body_watch import BodyWatch
 from manifold_mpc_ros.control.response.known_torque import known_torque_B
 from manifold_mpc_ros.control.torque_history import TorqueHistory, by_lgvi, moved_on
 from manifold_mpc_ros.lie.arrays import Array

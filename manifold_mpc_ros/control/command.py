@@ -13,6 +13,7 @@ from manifold_mpc_ros.control.actuator import Actuation
 from manifold_mpc_ros.control.consistency import MotionBounds
 from manifold_mpc_ros.control.decrease_monitor import FIXED, DecreaseMonitor
 from manifold_mpc_ros.control.decrease_record import Allowance, DecreaseRecord
+from manifold_mpc_ros.control.devices.magnetorquers import DipoleLaw
 from manifold_mpc_ros.control.modes import Mode
 from manifold_mpc_ros.control.moving.promise import MovingPromise
 from manifold_mpc_ros.control.moving.slew_profile import SlewPlanner
@@ -20,7 +21,6 @@ from manifold_mpc_ros.control.response.observer import ResponseObserver
 from manifold_mpc_ros.control.solver_thread import SolverRunner
 from manifold_mpc_ros.control.target import Target
 from manifold_mpc_ros.control.torque_history import Advance
-from manifold_mpc_ros.control.wheels.magnetorquers import DipoleLaw
 from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.mpc.reference import Reference
 from manifold_mpc_ros.mpc.solution import AttitudeMpcSolution

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from manifold_mpc_ros.control.actuator import Actuation, Actuator
+from manifold_mpc_ros.control.devices.magnetorquers import DipoleLaw, FieldReport
 from manifold_mpc_ros.control.input_gate import StateSample
-from manifold_mpc_ros.control.wheels.magnetorquers import DipoleLaw, FieldReport
 from manifold_mpc_ros.lie.arrays import Array
 
 #: On the way back to the optimiser the torque changes by at most this part of the limit a tick.

@@ -13,9 +13,9 @@ from wheel_cases import wheels
 from manifold_mpc_ros.config.simulator import SimulatorConfig
 from manifold_mpc_ros.config.thrusters import ThrusterArray
 from manifold_mpc_ros.config.wheel_parameters import WheelMotors
-from manifold_mpc_ros.control.response.device_watch import WheelWatch
-from manifold_mpc_ros.control.thruster_actuator import ThrusterActuator
-from manifold_mpc_ros.control.wheels.actuator import WheelActuator
+from manifold_mpc_ros.control.devices.device_watch import WheelWatch
+from manifold_mpc_ros.control.devices.thruster_actuator import ThrusterActuator
+from manifold_mpc_ros.control.devices.wheel_actuator import WheelActuator
 from manifold_mpc_ros.lie.arrays import Array
 from manifold_mpc_ros.sim.thruster_plant import ThrusterPlant
 from manifold_mpc_ros.sim.wheel_plant import WheelPlant

@@ -12,9 +12,7 @@ from manifold_mpc_ros.config.orbit import CircularOrbit
 from manifold_mpc_ros.config.simulator import SimulatorConfig
 from manifold_mpc_ros.config.wheel_parameters import Magnetorquers
 from manifold_mpc_ros.control.actuator import TorqueActuator
-from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample
-from manifold_mpc_ros.control.output_gate import OutputGate
-from manifold_mpc_ros.control.wheels.magnetorquers import (
+from manifold_mpc_ros.control.devices.magnetorquers import (
     DipoleLaw,
     FieldReport,
     OnlyMagnetorquers,
@@ -22,6 +20,8 @@ from manifold_mpc_ros.control.wheels.magnetorquers import (
     detumbling,
     dipole_for,
 )
+from manifold_mpc_ros.control.input_gate import NANOSECONDS, StateSample
+from manifold_mpc_ros.control.output_gate import OutputGate
 from manifold_mpc_ros.dynamics.lgvi import kinetic_energy
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.sim.plant import Plant

@@ -12,7 +12,7 @@ from scipy.optimize import linprog
 
 from manifold_mpc_ros.config.simulator import SimulatorConfig
 from manifold_mpc_ros.config.thrusters import ThrusterArray
-from manifold_mpc_ros.control.thruster_actuator import ThrusterActuator
+from manifold_mpc_ros.control.devices.thruster_actuator import ThrusterActuator
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.sim.thruster_plant import ThrusterPlant
 

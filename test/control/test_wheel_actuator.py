@@ -17,11 +17,11 @@ from wheel_cases import INERTIA, wheels
 from manifold_mpc_ros.config.interfaces import ACTUATORS, load
 from manifold_mpc_ros.control.command import Law
 from manifold_mpc_ros.control.control_loop import ControlLoop
+from manifold_mpc_ros.control.devices.wheel_actuator import WheelActuator
 from manifold_mpc_ros.control.modes import Mode
 from manifold_mpc_ros.control.output_gate import OutputGate
 from manifold_mpc_ros.control.solver_thread import DirectSolver, solve_with
 from manifold_mpc_ros.control.tick_time import LOCKSTEP
-from manifold_mpc_ros.control.wheels.actuator import WheelActuator
 from manifold_mpc_ros.errors import ConfigurationError
 
 ARRAY = wheels(max_torque_n_m=0.3, max_momentum_n_m_s=2.0)

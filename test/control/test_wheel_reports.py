@@ -10,7 +10,7 @@ import numpy as np
 from scripted import SAMPLE
 from wheel_cases import wheels
 
-from manifold_mpc_ros.control.wheels.reports import WheelReports
+from manifold_mpc_ros.control.devices.wheel_reports import WheelReports
 
 TIMEOUT_NS = 10**9
 NAMES = ['wheel_3', 'panel', 'wheel_1', 'wheel_2', 'wheel_4']

@@ -14,9 +14,9 @@ from sensor_msgs.msg import JointState, MagneticField
 from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.config.interfaces import MAGNETIC_FIELD, WHEEL_STATES
 from manifold_mpc_ros.control.control_loop import ControlLoop
+from manifold_mpc_ros.control.devices.magnetorquers import FieldReport
+from manifold_mpc_ros.control.devices.wheel_reports import WheelReports
 from manifold_mpc_ros.control.input_gate import Refusal, admit_in_body, to_ns
-from manifold_mpc_ros.control.wheels.magnetorquers import FieldReport
-from manifold_mpc_ros.control.wheels.reports import WheelReports
 from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.managed_node import STATE_QOS, ManagedNode, Status
 

@@ -16,6 +16,7 @@ from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.control.command import Law
 from manifold_mpc_ros.control.consistency import MotionBounds
 from manifold_mpc_ros.control.decrease_monitor import monitor_for
+from manifold_mpc_ros.control.devices.magnetorquers import DipoleLaw
 from manifold_mpc_ros.control.moving.promise import moving_promise_for
 from manifold_mpc_ros.control.moving.slew_profile import SlewPlanner
 from manifold_mpc_ros.control.response.observer import ResponseObserver, ResponseSettings
@@ -26,7 +27,6 @@ from manifold_mpc_ros.control.solver_thread import (
     SolverThread,
     solve_with,
 )
-from manifold_mpc_ros.control.wheels.magnetorquers import DipoleLaw
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
 from manifold_mpc_ros.nodes.controller.background_build import end_with_parent
 from manifold_mpc_ros.terminal.design import TerminalDesign

@@ -26,7 +26,7 @@ from scipy.optimize import linprog
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.thrusters import ThrusterArray
 from manifold_mpc_ros.control.actuator import Actuation
-from manifold_mpc_ros.control.response.device_watch import ThrusterWatch
+from manifold_mpc_ros.control.devices.device_watch import ThrusterWatch
 from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lie.arrays import Array
 

@@ -17,7 +17,7 @@ import numpy as np
 from manifold_mpc_ros.config.control_law import AttitudeMpcConfig
 from manifold_mpc_ros.config.wheels import WheelArray
 from manifold_mpc_ros.control.actuator import Actuation
-from manifold_mpc_ros.control.response.device_watch import WheelWatch
+from manifold_mpc_ros.control.devices.device_watch import WheelWatch
 from manifold_mpc_ros.dynamics.inertia import existence_guard
 from manifold_mpc_ros.dynamics.wheel_allocation import WheelAllocation
 from manifold_mpc_ros.errors import ConfigurationError
