@@ -10,7 +10,8 @@ from the bytes of others that have the same form: the same length, byte order an
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 from rclpy.serialization import deserialize_message, serialize_message
@@ -32,7 +33,7 @@ class _Known(NamedTuple):
     """A part of a state in messages of one form: how its numbers are taken, and what stays."""
 
     layout: struct.Struct
-    order: tuple[int, ...]
+    in_order: Callable[[tuple[float, ...]], tuple[float, ...]]
     sample: ReadPart
 
 
@@ -56,13 +57,14 @@ class QuickMessages:
         self._known: list[_Known] = []
         self._others = 0
 
-    def numbers(self, data: bytes) -> list[tuple[list[float], ReadPart]] | None:
+    def numbers(self, data: bytes) -> list[tuple[Sequence[float], ReadPart]] | None:
         """Return the numbers of each part, and that part of another message of the same form.
 
         They are in the order of `part_paths`. None for bytes of another form: see `message`.
         """
         if len(data) == self._length and all(data[where] == same for where, same in self._same):
-            return [_taken(known, data) for known in self._known]
+            return [(known.in_order(known.layout.unpack_from(data)), known.sample)
+                    for known in self._known]
         return None
 
     def message(self, data: bytes) -> Any:
@@ -124,14 +126,8 @@ def _known(part: Part, message: Any, layout: _Layout) -> _Known:
     for offset, code in ranked:
         taken += f'{offset - end}x{code}'
         end = offset + struct.calcsize('<' + code)
-    return _Known(struct.Struct(taken), tuple(map(ranked.index, places)),
+    return _Known(struct.Struct(taken), itemgetter(*map(ranked.index, places)),
                   read_part(part, message, 0))
-
-
-def _taken(known: _Known, data: bytes) -> tuple[list[float], ReadPart]:
-    """Return the numbers of a part in bytes of a known form, and the part that it is like."""
-    numbers = known.layout.unpack_from(data)
-    return [numbers[i] for i in known.order], known.sample
 
 
 class _Layout:
