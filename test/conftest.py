@@ -11,8 +11,13 @@ from typing import Any
 
 import pytest
 from cases import configuration
+from hypothesis import settings
 
 from manifold_mpc_ros.mpc.attitude_mpc import AttitudeMpc
+
+# No example has a time to keep: the machine may be busy.
+settings.register_profile('untimed', deadline=None)
+settings.load_profile('untimed')
 
 
 @pytest.fixture(scope='session')
