@@ -23,8 +23,9 @@ class Solve(ctypes.Structure):
 
     _fields_ = _fields(
         (_POINTER, 'plan fresh model g'),
-        (_DOUBLE, 'cost logs mu exact stationarity products decrease'),
-        (_INTEGER, 'horizon flag passes total_passes by_tenths creeping from_afar'))
+        (_DOUBLE, 'cost logs mu exact stationarity products decrease least_residual'),
+        (_INTEGER, 'horizon flag passes total_passes by_tenths creeping from_afar watchdog '
+         'unhalved'))
 
 
 class Kept(ctypes.Structure):

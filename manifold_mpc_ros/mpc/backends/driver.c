@@ -7,10 +7,11 @@
 typedef struct {
     double *plan, *fresh, *model, *g;
     double cost, logs, mu, exact;
-    double stationarity, products, decrease;
+    double stationarity, products, decrease, least_residual;
     /* by_tenths: the barrier falls by tenths only. creeping: short steps in succession.
-     * from_afar: the plan before was too far away to begin near its limits. */
-    long horizon, flag, passes, total_passes, by_tenths, creeping, from_afar;
+     * from_afar: the plan before was too far away to begin near its limits. watchdog: steps may
+     * raise the merit while the residual halves; unhalved: passes since it did. */
+    long horizon, flag, passes, total_passes, by_tenths, creeping, from_afar, watchdog, unhalved;
 } solve;
 
 static void take_fresh(solve *s)
@@ -44,9 +45,10 @@ static void begin(solve *s)
     take_fresh(s);
     s->flag = s->g[SUMS + 2] > 0.0 ? RUNNING : STALLED;
     s->stationarity = s->products = s->decrease = INFINITY;
+    s->least_residual = INFINITY;
     s->exact = 1.0;
-    s->by_tenths = 0;
-    s->passes = s->creeping = 0;
+    s->by_tenths = s->watchdog = 0;
+    s->passes = s->creeping = s->unhalved = 0;
 }
 
 /* Start from the slew law, leaning for the first steps. */
@@ -94,7 +96,15 @@ static int accepts(const solve *s, double length)
         + noise;
 }
 
-/* Shorten the step until the merit falls; return its length, 0 when no length will do. */
+/* Whether the last pass expected the cost to fall by much. */
+static int is_far(const solve *s)
+{
+    return s->decrease >= FAR_DECREASE * fabs(s->cost) + BARRIER_READY * s->mu;
+}
+
+/* Shorten the step until the merit falls; return its length, 0 when no length will do. Near the
+ * optimum a whole step along a limit that curves violates it to second order, which the merit
+ * punishes by more than the step gains; a watchdog takes the step all the same. */
 static double search_length(solve *s)
 {
     double reach = s->g[LARGEST_REACH];
@@ -102,7 +112,7 @@ static double search_length(solve *s)
     for (; length > SMALLEST_STEP; length *= BACKTRACK) {
         s->g[LENGTH] = length;
         run_trial_step(s->plan, s->fresh, s->model, s->g, s->horizon);
-        if (accepts(s, length))
+        if (accepts(s, length) || (s->watchdog && s->g[SUMS + 2] > 0.0 && !is_far(s)))
             return length;
     }
     return 0.0;
@@ -128,8 +138,15 @@ static double lowered(double exact)
 static void one_pass(solve *s)
 {
     model_plan(s);
-    if (fmax(s->stationarity, s->products) < TOLERANCE) {
+    double residual = fmax(s->stationarity, s->products);
+    if (residual < TOLERANCE) {
         s->flag = CONVERGED;
+        return;
+    }
+    s->unhalved = residual < 0.5 * s->least_residual ? 0 : s->unhalved + 1;
+    s->least_residual = fmin(s->least_residual, residual);
+    if (s->watchdog && s->unhalved > WATCHDOG_PASSES) {
+        s->flag = STALLED;
         return;
     }
     double length = s->g[RESIDUALS + 3] > SMALLEST_PIVOT ? search_length(s) : 0.0;
@@ -170,23 +187,22 @@ static int is_converged(const solve *s)
         && fmax(s->stationarity, s->products) < ACCEPTABLE_RESIDUAL);
 }
 
-/* Whether the last pass expected the cost to fall by much. */
-static int is_far(const solve *s)
-{
-    return s->decrease >= FAR_DECREASE * fabs(s->cost) + BARRIER_READY * s->mu;
-}
-
 /* Improve a plan, one stage ahead; return whether that gave a plan to use. `is_free`: no limit
- * holds the plan back. */
+ * holds the plan back. Of a plan that is far the first ones end after a pass; the last but one only
+ * where that leaves the limits, so that every step would end at them. */
 static int improve(solve *s, const double *kept, int is_free, double deadline_s)
 {
     static const struct { double mu; long most; } starts[] = {WARM_STARTS};
     s->total_passes = 0;
-    for (size_t i = is_free ? 0 : 1; i < sizeof starts / sizeof *starts; ++i) {
-        s->from_afar = i > 1;
+    enum { NEAR = 1, AFAR, LAST };
+    for (size_t i = is_free ? 0 : NEAR; i <= LAST; ++i) {
+        s->from_afar = i >= AFAR;
         begin_shift(s, starts[i].mu, kept);
+        s->watchdog = i == NEAR;
+        if (i == AFAR)
+            s->exact = fmin(s->exact, AFAR_BLEND);
         iterate(s, 1, deadline_s);
-        if (i > 1 || !is_far(s))
+        if (!is_far(s) || i == LAST || (i == AFAR && s->g[LARGEST_REACH] <= LEAVING_REACH))
             iterate(s, starts[i].most, deadline_s);
         s->total_passes += s->passes;
         if (is_converged(s) || s->flag == OUT_OF_TIME)

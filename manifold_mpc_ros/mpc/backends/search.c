@@ -66,18 +66,20 @@ static int leans(const double *from)
     return (from[0] != 0.0) + (from[1] != 0.0) + (from[2] != 0.0);
 }
 
-/* Whether the weights make a turn nearly time-optimal: its torque costs little beside it. */
+/* Whether the weights make a turn nearly time-optimal: its torque costs little beside it. With many
+ * steps such a turn has more minima, so less is enough. */
 static int is_quick(const controller *c)
 {
     const double *state = c->s.g + STATE_REPORT;
-    return state[2] + state[3] > FAR_TURN * c->linear_rad;
+    double far = c->s.horizon > MANY_STEPS ? FAR_TURN_OF_MANY : FAR_TURN;
+    return state[2] + state[3] > far * c->linear_rad;
 }
 
-/* Whether a plan has many local minima: that of a horizon with many steps, and that of a nearly
- * time-optimal turn. */
+/* Whether a plan has many local minima: that of a nearly time-optimal turn, and that of a slew of
+ * many steps on a horizon of many. */
 static int has_many_minima(const controller *c)
 {
-    return c->s.horizon > MANY_STEPS || is_quick(c);
+    return is_quick(c) || (c->s.horizon > MANY_STEPS && slew_steps(c) > LONG_SLEW_STEPS);
 }
 
 /* Whether a start can lead to the best plan from a state. The short way always can; the long way
@@ -85,9 +87,8 @@ static int has_many_minima(const controller *c)
  * a single component, so that the other two can help, the more so the weaker that component is
  * against what they can do; anywhere beside the half turn for a body that is much quicker about
  * another axis; and in any long turn whose slew is all but one component, or that has many minima;
- * then along single axes too, the long way round where that is little longer, and with two
- * components where the slew itself has many steps or is nearly time-optimal. Found by comparison
- * with all starts (docs/solver.md), not proved. */
+ * then along single axes and with two components too, and the long way round where that is little
+ * longer. Found by comparison with all starts (docs/solver.md), not proved. */
 static int is_due(const controller *c, const double *from)
 {
     const double *state = c->s.g + STATE_REPORT;
@@ -100,8 +101,6 @@ static int is_due(const controller *c, const double *from)
         return 0;
     if (from[3] != 0.0)
         return turn > LEAN_LONG_RAD;
-    if (leans(from) == 2 && slew_steps(c) <= LONG_SLEW_STEPS && !is_quick(c))
-        return 0;
     double beside = PI - turn;
     return (second < 0.25 && beside < 0.05 + 0.17 * (weakness - 1.0))
         || (turn > LEAN_RAD && (second < ALONE || has_many_minima(c)))

@@ -40,6 +40,8 @@ BLEND_UP = 1.5
 SMALLEST_BLEND = 0.05
 # The blend of a shifted plan with limits that curve: exact, it is indefinite at its new end.
 WARM_BLEND = 0.05
+# ... and of one that is far from its optimum, at most: exact, it is indefinite.
+AFAR_BLEND = 0.25
 # A relative pivot of the control's Hessian below this counts as indefinite.
 SMALLEST_PIVOT = 1e-14
 
@@ -52,6 +54,11 @@ ACCEPTABLE_RESIDUAL = 1e-6
 # many short steps.
 FREE_MULTIPLIER = 1e-7
 FAR_DECREASE = 0.03
+# The second may raise the merit while the KKT residual halves within so many passes (watchdog
+# technique, Chamberlain et al., Math. Programming Study 16, 1982), else the third begins.
+WATCHDOG_PASSES = 3
+# The third ends after one pass too whose step reaches so many slacks beyond a limit.
+LEAVING_REACH = 1.5
 WARM_STARTS = ((SMALLEST_BARRIER, 5), (1e-6, 30), (1e-3, 50), (1e-1, 200))
 
 RUNNING, CONVERGED, STALLED, OUT_OF_TIME = range(4)
@@ -61,9 +68,8 @@ COLD_BARRIER = 1.0
 # Passes of a start at most. Every start but the first ends after JUDGED_PASSES or more when its
 # cost, less EXPECTED_FALLS times the largest decrease that the models of three passes expect and
 # BARRIER_GAP times steps and mu, is above the best by this part of it. Judged so after 20 passes
-# or one pass alone, some starts end on their way to the best plan; on horizons of many steps and
-# in nearly time-optimal turns, for which such ways are longer, with so few falls too
-# (benchmarks/bodies.py).
+# or one pass alone, some starts end on their way to the best plan; where a plan has many minima,
+# for which such ways are longer, with so few falls too (benchmarks/bodies.py).
 MOST_PASSES = 200
 JUDGED_PASSES = 22
 EXPECTED_FALLS, EXPECTED_FALLS_MANY, BARRIER_GAP = 2.0, 40.0, 12.0
@@ -78,19 +84,17 @@ LEAN_STEPS = 5
 LONG_WAY_RAD = math.radians(130.0)
 # A pointing turn leans above this.
 POINTING_RAD = math.radians(100.0)
-# Any other leans above this when its slew is all but one torque component, the horizon has many
-# steps, or it is nearly time-optimal; in the last two the long way round leans too, where it is
-# little longer.
+# Any other leans above this when its slew is all but one torque component, or its plan has many
+# minima; then the long way round leans too, where it is little longer.
 LEAN_RAD = math.radians(80.0)
 ALONE = 0.1
 MANY_STEPS = 25
 LEAN_LONG_RAD = math.radians(150.0)
-# ... and a slew that is all but one component leans above so many times the angle that costs what
-# full torque does: the turn is nearly time-optimal, which is when another axis gains time.
-FAR_TURN = 40.0
-# A bang-bang slew of more steps than this is tried with leans of two components as well, and a
-# nearly time-optimal one.
-LONG_SLEW_STEPS = 20.0
+# A plan has many minima above so many times the angle that costs what full torque does: the turn
+# is nearly time-optimal, which is when another axis gains time. On horizons of many steps less is
+# enough, or a bang-bang slew of so many steps (benchmarks/bodies.py).
+FAR_TURN, FAR_TURN_OF_MANY = 40.0, 20.0
+LONG_SLEW_STEPS = 15.0
 # Plans whose costs agree to this are equal; the rule then decides.
 TIE = 1e-7
 
