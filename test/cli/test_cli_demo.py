@@ -11,7 +11,7 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -20,10 +20,12 @@ import pytest
 
 from manifold_mpc_ros.cli import processes
 from manifold_mpc_ros.errors import ConfigurationError
-from manifold_mpc_ros.lab.recording.bags.run import read_run
+from manifold_mpc_ros.lab.recording.bags.run import BagRun, read_run
 from manifold_mpc_ros.lab.recording.bags.verdict import judge
 
 Command = Callable[..., tuple[int, str, str]]
+#: Stamp of the first state of a simulator in lockstep [ns].
+FIRST_NS = 1_000_000_000
 TOP = Path(__file__).parents[2]
 DEMO = [sys.executable, '-m', 'manifold_mpc_ros.cli.main', 'demo']
 
@@ -83,7 +85,45 @@ def test_a_long_demo_is_in_lockstep_with_the_same_pictures(tmp_path: Path) -> No
     assert run.lockstep
     assert run.warnings == ()
     assert judge(run).failed == ()
+    nothing_is_missed(tmp_path, run)
     assert (tmp_path / 'response.png').read_bytes().startswith(b'\x89PNG')
+
+
+def test_the_controller_begins_when_who_listens_and_every_node_know_each_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Discovery of each may be late: whom the loop does not wait for misses its first states."""
+    pytest.importorskip('rclpy')
+    from manifold_mpc_ros.lab.demo.bag import DemoBag
+    from manifold_mpc_ros.lab.demo.watch import activate_controller
+    from manifold_mpc_ros.lab.recording.nodes.bag_recorder import BagRecorder
+    from manifold_mpc_ros.lab.recording.nodes.history import Recorder
+    from manifold_mpc_ros.lab.recording.nodes.listener import Listener
+    done: list[tuple[str, ...]] = []
+
+    def note(what: str) -> Callable[..., bool]:
+        def do(listener: Listener, node: str, _watch: object, topics: Iterable[str] = ()) -> bool:
+            done.append((what, listener.node.get_name(), node, *topics))
+            return True
+        return do
+
+    for what in ('configure', 'meet', 'activate'):
+        monkeypatch.setattr(Listener, what, note(what))
+    monkeypatch.setattr(BagRecorder, 'count', lambda *_: SimpleNamespace(received=1))
+    listening = ('manifold_mpc_recorder', 'bag_recorder')
+    with processes.reserved_domain() as domain, Recorder(domain, '/here') as recorder, \
+            DemoBag(tmp_path / 'bag', domain, '/here') as bag:
+        activate_controller(recorder, bag, SimpleNamespace(), lambda: None, guided=True)
+    controller, simulator, guidance = (f'here/{name}' for name in (
+        'attitude_controller', 'lgvi_simulator', 'attitude_guidance'))
+    assert done[0] == ('configure', listening[0], controller)
+    assert done[-1] == ('activate', listening[0], controller)
+    assert set(done[1:-1]) == {
+        *(('meet', name, simulator, '/here/odometry') for name in listening),
+        ('meet', listening[0], controller, '/here/torque_command'),
+        ('meet', listening[1], controller, '/here/torque_command',
+         '/here/attitude_controller/prediction'),
+        ('meet', listening[1], guidance, '/here/reference')}
 
 
 def bag_and_report(folder: Path, out: str) -> None:
@@ -93,11 +133,20 @@ def bag_and_report(folder: Path, out: str) -> None:
     assert judge(run).failed == ()
     assert run.ticks.mode[-1] == 'NOMINAL'
     assert np.isclose(run.error_rad[0], np.pi, atol=1e-9)
+    nothing_is_missed(folder, run)
     watched = column(folder / 'states.csv', 'time_s')
     assert abs(len(run.states) - int(np.sum(watched >= 0.0))) <= 10  # 0.5 s
     page = folder / 'report' / 'demo.html'
     assert page.is_file()
     assert str(page) in out
+
+
+def nothing_is_missed(folder: Path, run: BagRun) -> None:
+    """Bag and pictures have every state of a demo in lockstep from the initial one on."""
+    assert run.states.stamp_ns[0] == FIRST_NS
+    for time_s in (1e-9 * run.states.stamp_ns, column(folder / 'states.csv', 'time_s')):
+        # One a control period, and again what has no answer for a while.
+        assert np.allclose(np.diff(np.unique(time_s)), 0.5)
 
 
 def test_sigterm_ends_the_nodes_as_well(tmp_path: Path) -> None:

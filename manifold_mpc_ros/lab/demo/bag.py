@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import argparse
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from manifold_mpc_ros.cli import provenance
+from manifold_mpc_ros.config.guidance import GUIDANCE_NAME
 from manifold_mpc_ros.config.tables import CONTROLLER_NAME, SIMULATOR_NAME
 from manifold_mpc_ros.config.yaml_file import read_parameter_file
 from manifold_mpc_ros.errors import BagError
@@ -33,6 +34,9 @@ LOOK_S = 0.05
 NAME = 'demo'
 #: The recording may lack the last states that the demo itself has seen [s].
 SHORT_S = 0.2
+#: What each node publishes of a run, by the roles of its topics.
+_PUBLISHED = {SIMULATOR_NAME: ('state',), CONTROLLER_NAME: ('torque', 'prediction'),
+              GUIDANCE_NAME: ('reference',)}
 
 
 class DemoBag:
@@ -64,12 +68,19 @@ class DemoBag:
         """Return the bag."""
         return self
 
-    def listen(self, controller: str, watch: Callable[[], None]) -> None:
-        """Take in what comes from now on; the controller then knows who listens.
+    def listen(self, nodes: Iterable[str], watch: Callable[[], None]) -> None:
+        """Take in what comes from now on; nothing is missed of what these nodes then publish.
 
+        Guidance has published already: the reference that the controller begins with is here too.
         ``watch`` is called at every look, and raises to give up.
         """
-        self._recorder.meet(controller, watch)
+        roles = self._roles()
+        for node in nodes:
+            name = node.rpartition('/')[2]
+            self._recorder.meet(node, watch, [roles[role] for role in _PUBLISHED[name]])
+            if name == GUIDANCE_NAME:
+                self._recorder.until(
+                    lambda: self._recorder.count(roles['reference']).received > 0, watch)
         self._thread.start()
 
     def __exit__(

@@ -25,18 +25,24 @@ from manifold_mpc_ros.config.control_law import SimulatorConfig
 from manifold_mpc_ros.config.controller import ControllerConfig
 from manifold_mpc_ros.config.description import PLAIN
 from manifold_mpc_ros.config.guidance import MODES
-from manifold_mpc_ros.errors import ConfigurationError, ManifoldMpcError
+from manifold_mpc_ros.errors import ConfigurationError
 from manifold_mpc_ros.lab.closed_loop import settling_time
 from manifold_mpc_ros.lab.demo.bag import DemoBag
 from manifold_mpc_ros.lab.demo.defaults import DURATION_S, set_defaults
 from manifold_mpc_ros.lab.demo.target import FILE, PERIOD_S, TIMEOUT_S, DemoTarget
-from manifold_mpc_ros.lab.demo.watch import HOLD_S, StartWatch, loop_is_closed, watch_until_settled
+from manifold_mpc_ros.lab.demo.watch import (
+    HOLD_S,
+    StartWatch,
+    activate_controller,
+    loop_is_closed,
+    watch_until_settled,
+)
 from manifold_mpc_ros.lab.recording.scenarios.scenario import is_shipped_state
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from manifold_mpc_ros.lab.recording.nodes.history import Recorder, StateHistory
+    from manifold_mpc_ros.lab.recording.nodes.history import StateHistory
 
 EXAMPLES = """\
   manifold-mpc demo
@@ -119,7 +125,8 @@ def run(arguments: argparse.Namespace) -> int:
                       '-p', f'period_s:={PERIOD_S}')
                 steps += ('-p', f'reference.timeout_s:={TIMEOUT_S}')
             start('controller', files[0], '-p', 'autostart:=false', *steps)
-            _activate_controller(recorder, bag, processes, waiting)
+            activate_controller(
+                recorder, bag, processes, waiting.look, guided=target.mode is not None)
             waiting.until(lambda: loop_is_closed(recorder))
             watch_until_settled(recorder, processes, target, arguments, display,
                                 simulated=lockstep)
@@ -131,19 +138,6 @@ def run(arguments: argparse.Namespace) -> int:
     errors = target.errors(history.stamp_ns, history.R_NB, history.omega_BN_B)
     status = _finish(console, history, errors, solver, waiting.elapsed_s, exits, config, arguments)
     return status if _report(console, bag) else 1
-
-
-def _activate_controller(
-    recorder: Recorder, bag: DemoBag, processes: NodeProcesses, waiting: StartWatch,
-) -> None:
-    """Let the controller begin when it knows who listens, so that its first command is seen."""
-    name = recorder.controller
-    if recorder.configure(name, waiting.look):
-        bag.listen(name, waiting.look)
-        if recorder.activate(name, waiting.look):
-            return
-    raise ManifoldMpcError(
-        f'the controller refused to start: {processes.nodes[-1].last_words()}')
 
 
 def _report(console: Console, bag: DemoBag) -> bool:

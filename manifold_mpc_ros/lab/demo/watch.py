@@ -13,11 +13,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from manifold_mpc_ros.cli.processes import NodeProcesses
+from manifold_mpc_ros.config.guidance import GUIDANCE_NAME
 from manifold_mpc_ros.control.input_gate import NANOSECONDS
 from manifold_mpc_ros.errors import ManifoldMpcError
 from manifold_mpc_ros.lab.demo.target import DemoTarget
 
 if TYPE_CHECKING:
+    from manifold_mpc_ros.lab.demo.bag import DemoBag
     from manifold_mpc_ros.lab.demo.display import DemoDisplay
     from manifold_mpc_ros.lab.recording.nodes.history import Recorder
 
@@ -55,6 +57,26 @@ class StartWatch:
                     f'{node.name}: {node.last_words()}' for node in self._processes.nodes))
         _require_running(self._processes)
         self._display.starting(self.elapsed_s, self._recorder.states, self._recorder.mode)
+
+
+def activate_controller(
+    recorder: Recorder, bag: DemoBag, processes: NodeProcesses, look: Callable[[], None], *,
+    guided: bool,
+) -> None:
+    """Let the controller begin when every node is known to who listens, and knows them.
+
+    With it the loop begins: in lockstep the simulator waits for nobody else. ``look`` raises to
+    give up.
+    """
+    name = recorder.controller
+    if recorder.configure(name, look):
+        recorder.meet_both(look)
+        guidance = f'{name.rpartition("/")[0]}/{GUIDANCE_NAME}'.strip('/')
+        bag.listen([recorder.simulator, name, *guided * [guidance]], look)
+        if recorder.activate(name, look):
+            return
+    raise ManifoldMpcError(
+        f'the controller refused to start: {processes.nodes[-1].last_words()}')
 
 
 def loop_is_closed(recorder: Recorder) -> bool:

@@ -166,6 +166,12 @@ class RecordPlan:
         return {absolute(topic): kind for (topic, kind, _), use in used if use}
 
     @property
+    def published(self) -> dict[str, tuple[str, ...]]:
+        """The topics of which no message may be missed, by the node that publishes them."""
+        return {SIMULATOR_NAME: (*self.state_topics, *self.device_reports),
+                CONTROLLER_NAME: (self.command_topic, PREDICTION, *self.device_commands)}
+
+    @property
     def modes(self) -> set[str]:
         """The modes of guidance that are commanded."""
         return {each.guidance for each in self.scenario.setpoints if each.guidance is not None}

@@ -72,6 +72,8 @@ class Recording:
         self._describe(parameters)
         self._recorder.begin()
         self._inputs.command_first(self._watch_start)
+        for node, topics in self._plan.published.items():
+            self._recorder.meet(node, self._watch_start, topics)
         self._activate(SIMULATOR_NAME)
         self._recorder.until(lambda: self._state_ns > 0, self._watch_start)
 

@@ -162,7 +162,7 @@ class BagRecorder(Listener):
         def on_message(data: bytes, info: Mapping[str, Any]) -> None:
             self._on_message(name, data, info)
 
-        self.node.create_subscription(message, name, on_message, profile, raw=True)
+        self.subscribe(message, name, on_message, profile, raw=True)
 
     def _on_message(self, name: str, data: bytes, info: Mapping[str, Any]) -> None:
         """Count and write one message."""

@@ -12,14 +12,14 @@ from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
 
 from manifold_mpc_ros.config.description import PLAIN, state_description
-from manifold_mpc_ros.config.tables import CONTROLLER_NAME
+from manifold_mpc_ros.config.tables import CONTROLLER_NAME, SIMULATOR_NAME
 from manifold_mpc_ros.control.described.source import DescribedSource
 from manifold_mpc_ros.control.input_gate import NANOSECONDS, RawState
-from manifold_mpc_ros.lab.recording.nodes.listener import Listener
+from manifold_mpc_ros.lab.recording.nodes.listener import Listener, Watch
+from manifold_mpc_ros.lab.recording.nodes.raw import DEEP_QOS
 from manifold_mpc_ros.lie import so3
 from manifold_mpc_ros.lie.arrays import Array, IntArray
 from manifold_mpc_ros.nodes import messages
-from manifold_mpc_ros.nodes.managed_node import INPUT_QOS
 
 NODE_NAME = 'manifold_mpc_recorder'
 
@@ -42,13 +42,16 @@ class Recorder(Listener):
     def __init__(self, domain_id: int, namespace: str = '') -> None:
         """Join a domain and subscribe to the topics of a namespace, '' or ``/name``."""
         super().__init__(NODE_NAME, domain_id)
-        self.controller = f'{namespace}/{CONTROLLER_NAME}'.strip('/')
+        self.controller, self.simulator = (
+            f'{namespace}/{name}'.strip('/') for name in (CONTROLLER_NAME, SIMULATOR_NAME))
+        self._state_topic = f'{namespace}/odometry'
+        self._torque_topic = f'{namespace}/torque_command'
         for kind, topic, callback in (
-            (Odometry, f'{namespace}/odometry', self._on_odometry),
-            (WrenchStamped, f'{namespace}/torque_command', self._on_torque),
+            (Odometry, self._state_topic, self._on_odometry),
+            (WrenchStamped, self._torque_topic, self._on_torque),
             (DiagnosticArray, '/diagnostics', self._on_diagnostics),
         ):
-            self.node.create_subscription(kind, topic, callback, INPUT_QOS)
+            self.subscribe(kind, topic, callback, DEEP_QOS)
         self._source = DescribedSource(state_description(PLAIN))
         self._stamps_ns: list[int] = []
         self._attitudes: list[Array] = []
@@ -61,6 +64,11 @@ class Recorder(Listener):
     def __enter__(self) -> Recorder:
         """Return the recorder."""
         return self
+
+    def meet_both(self, watch: Watch) -> None:
+        """Wait until no state and no command is missed any more; the controller is configured."""
+        self.meet(self.simulator, watch, [self._state_topic])
+        self.meet(self.controller, watch, [self._torque_topic])
 
     @property
     def states(self) -> int:

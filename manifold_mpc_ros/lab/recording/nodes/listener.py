@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from types import TracebackType
 from typing import Any
 
@@ -17,7 +17,9 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
+from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import Subscription
 
 from manifold_mpc_ros.nodes.log_folder import NO_LOG_FILE
 
@@ -46,6 +48,7 @@ class Listener:
                          start_parameter_services=False)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
+        self._subscriptions: dict[str, Subscription] = {}
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None,
@@ -55,6 +58,17 @@ class Listener:
         self._executor.shutdown(timeout_sec=0)
         self.node.destroy_node()
         rclpy.try_shutdown(context=self._context)
+
+    def subscribe(self, kind: type, topic: str, callback: Callable[..., None], qos: QoSProfile, *,
+                  raw: bool = False) -> None:
+        """Subscribe to a topic, ``/name``, once, ``raw`` to bytes."""
+        self._subscriptions[topic] = self.node.create_subscription(
+            kind, topic, callback, qos, raw=raw)
+
+    def hears(self, topics: Iterable[str]) -> bool:
+        """Say whether this one knows a publisher of each topic that it subscribes to."""
+        return all(self._subscriptions[topic].get_publisher_count() > 0
+                   for topic in topics if topic in self._subscriptions)
 
     def spin(self, duration_s: float) -> None:
         """Take in what comes within a while of wall clock, up to twice that where nothing comes.
@@ -96,8 +110,14 @@ class Listener:
         finally:
             self.node.destroy_client(client)
 
-    def meet(self, node: str, watch: Watch) -> None:
-        """Wait until a lifecycle node answers: it then knows this one and its subscriptions."""
+    def meet(self, node: str, watch: Watch, topics: Iterable[str] = ()) -> None:
+        """Wait until nothing is missed of what a lifecycle node publishes on ``topics``.
+
+        Each side finds the other by itself. By its answer the node knows this one's subscriptions,
+        which were announced before the client; only they themselves know whether they have found
+        its publishers, and what comes of one that is not known is dropped.
+        """
+        self.until(lambda: self.hears(topics), watch)
         self.ask(GetState, f'/{node}/get_state', GetState.Request(), watch)
 
     @property

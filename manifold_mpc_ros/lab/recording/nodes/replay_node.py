@@ -31,6 +31,7 @@ from manifold_mpc_ros.nodes import messages
 from manifold_mpc_ros.nodes.setpoint_input import LATCHED_QOS
 
 NODE_NAME = 'bag_replayer'
+TORQUE_TOPIC = '/torque_command'
 VECTOR = 'geometry_msgs/msg/Vector3Stamped'
 #: What has not been answered is published again after this [s of wall clock].
 AGAIN_S = 1.0
@@ -67,8 +68,7 @@ class Replayer(Listener):
                 message_class(kind), topic, LATCHED_QOS if kind == TRAJECTORY else DEEP_QOS)
             for topic, kind in kinds.items()}
         self._clock = self.node.create_publisher(Clock, '/clock', DEEP_QOS)
-        self.node.create_subscription(
-            WrenchStamped, '/torque_command', self._on_torque, DEEP_QOS)
+        self.subscribe(WrenchStamped, TORQUE_TOPIC, self._on_torque, DEEP_QOS)
         self.node.create_subscription(
             DiagnosticArray, '/diagnostics', self._on_diagnostics, DEEP_QOS)
 
@@ -77,11 +77,11 @@ class Replayer(Listener):
         return self
 
     def meet_controller(self, watch: Watch) -> None:
-        """Wait until the active controller reads what it is given and says how it does."""
+        """Wait until the active controller reads what it is given and is heard."""
         read = [self._publishers[topic] for topic in (
             STATE_TOPICS[self._feed.state_kind], *REPORTS) if topic in self._publishers]
         self.until(lambda: all(each.get_subscription_count() for each in read)
-                   and 'setpoints' in self.controller, watch)
+                   and self.hears([TORQUE_TOPIC]) and 'setpoints' in self.controller, watch)
 
     def in_lockstep(self, progress: Progress, watch: Watch) -> None:
         """Give one state after the other, each when the one before has been answered.
