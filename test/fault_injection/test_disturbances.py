@@ -157,3 +157,12 @@ def test_garbled_bytes_are_no_longer_than_they_were(garble: d.Garble) -> None:
     results = [garble(data, draws) for _ in range(50)]
     assert all(len(result) <= len(data) for result in results)
     assert sum(result != data for result in results) > 45
+
+
+def test_delays_are_in_proportion_to_the_steps_of_nodes_that_were_slowed_down() -> None:
+    channel = d.Channel(0)
+    channel.disturbance = d.late(0.03, 0.03)()
+    channel.stretch = 5
+    assert channel.push(b'state', 0.0) == []
+    assert channel.due(0.149) == []
+    assert channel.due(0.151) == [b'state']

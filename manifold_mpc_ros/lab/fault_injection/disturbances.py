@@ -37,6 +37,8 @@ class Channel:
     def __init__(self, seed: int) -> None:
         """Start undisturbed."""
         self.disturbance: Disturbance | None = None
+        #: Delays are so many times as long, as the steps of nodes that were slowed down are.
+        self.stretch = 1
         self._draws = random.Random(seed)
         self._order = itertools.count()
         self._waiting: list[tuple[float, int, bytes]] = []
@@ -51,7 +53,7 @@ class Channel:
                 at_once.append(delivered)
             else:
                 heapq.heappush(
-                    self._waiting, (now_s + delay_s, next(self._order), delivered))
+                    self._waiting, (now_s + self.stretch * delay_s, next(self._order), delivered))
         return at_once
 
     def due(self, now_s: float) -> list[bytes]:

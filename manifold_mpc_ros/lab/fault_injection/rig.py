@@ -8,7 +8,7 @@ import signal
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -93,7 +93,10 @@ class Bench:
         self.lives: dict[str, list[Life]] = {CONTROLLER: [], SIMULATOR: []}
         self.deaths: list[str] = []
         self.left_behind: list[str] = []
-        self.inertial_frame_id = plan.check().inertial_frame_id
+        config = plan.check()
+        self.inertial_frame_id = config.inertial_frame_id
+        #: Those of the control so far; the last one is the present one.
+        self.steps_s = [plan.step_s or config.mpc.step_s]
         self.expected_end: dict[str, bool] = {CONTROLLER: False, SIMULATOR: False}
         self.late_s = 0.0
         self._waits_ns: dict[str, dict[str, int]] = {CONTROLLER: {}, SIMULATOR: {}}
@@ -163,6 +166,13 @@ class Bench:
             self.life(node).process.send(signal.SIGKILL)
             self.life(node).process.wait()
             self.start(node)
+
+    def slow_down(self, times: int) -> None:
+        """Start both nodes afresh with steps, and delays of messages, so many times as long."""
+        self.proxy.stretch(times)
+        self.steps_s.append(times * self.steps_s[-1])
+        self.plan = replace(self.plan, step_s=self.steps_s[-1])
+        self.restart()
 
     def look(self) -> None:
         """Take in what comes for a short while, deliver what is due, look after the nodes."""

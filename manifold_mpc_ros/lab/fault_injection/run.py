@@ -38,6 +38,7 @@ class Done:
     memory: list[MemoryUse] = field(default_factory=list)
     voided: list[TrialVerdict] = field(default_factory=list)
     start_s: list[float] = field(default_factory=list)
+    rates_hz: list[float] = field(default_factory=list)
     elapsed_s: float = 0.0
     failure: str = ''
     middleware: str = ''
@@ -57,6 +58,7 @@ class _Pair(threading.Thread):
         self.memory: list[MemoryUse] = []
         self.voided: list[TrialVerdict] = []
         self.start_s: list[float] = []
+        self.rates_hz: list[float] = []
         self.left_behind: list[str] = []
         self.failure = self.middleware = ''
 
@@ -104,6 +106,7 @@ class _Pair(threading.Thread):
                         self._run_one(each, trial)
             finally:
                 self.left_behind += bench.left_behind
+                self.rates_hz += [1.0 / step_s for step_s in bench.steps_s]
                 for node, lives in bench.lives.items():
                     longest = max(lives, key=lambda life: len(life.memory), default=None)
                     if longest is not None and longest.memory:
@@ -142,6 +145,7 @@ def run_trials(
         done.memory += thread.memory
         done.voided += thread.voided
         done.start_s += thread.start_s
+        done.rates_hz += thread.rates_hz
     return done
 
 

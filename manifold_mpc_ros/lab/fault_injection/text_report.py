@@ -63,6 +63,8 @@ def _rows(done: Done) -> list[tuple[str, str]]:
     rows = [
         ('faults injected / survived',
          f'{figures["faults_injected"]} / {figures["faults_survived"]}'),
+        ('rate of control, and slower where the machine had no time for it (Hz)',
+         ', '.join(f'{rate_hz:g}' for rate_hz in sorted(set(done.rates_hz), reverse=True))),
         ('of these late by the machine alone', f'{figures["excused_by_the_machine"]}'),
         ('trials void and repeated, the machine being too slow', f'{len(done.voided)}'),
         ('detection, median / longest (s)', _spread(figures['detection_s'])),
@@ -114,7 +116,8 @@ def write(path: Path, kind: str, arguments: argparse.Namespace, done: Done) -> P
         'versions': provenance.versions(done.middleware),
         'this_machine': {
             'machine': platform.machine(), 'pairs': done.pairs,
-            'elapsed_s': done.elapsed_s, 'start_of_a_pair_s': done.start_s},
+            'elapsed_s': done.elapsed_s, 'start_of_a_pair_s': done.start_s,
+            'rates_hz': done.rates_hz},
     }
     path.write_text(json.dumps(_rounded(data), indent=2, allow_nan=False) + '\n',
                     encoding='utf-8')

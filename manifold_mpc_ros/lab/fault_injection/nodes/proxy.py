@@ -79,6 +79,11 @@ class Proxy:
         """Disturb a topic's messages, or let them pass again."""
         self._ways[topic].channel.disturbance = disturbance
 
+    def stretch(self, times: int) -> None:
+        """Make all delays so many times as long as they are."""
+        for way in self._ways.values():
+            way.channel.stretch *= times
+
     def intrude(self, topic: str, disturbance: Disturbance | None) -> None:
         """Publish disturbed copies of a topic's messages from another participant, or cease."""
         way = self._ways[topic]
