@@ -65,7 +65,7 @@ def test_ctrl_c_ends_the_nodes_and_keeps_what_was_measured(
     pytest.importorskip('rclpy')
     output = tmp_path / 'chaos.json'
     process = subprocess.Popen(
-        [*CHAOS, *ONE, '--rate-hz', '20', '--matrix', '--output', str(output)], env=environment(),
+        [*CHAOS, *ONE, '--matrix', '--output', str(output)], env=environment(),
         text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, preexec_fn=take_interrupts)
     assert process.stdout is not None
     lines = iter(process.stdout.readline, '')
