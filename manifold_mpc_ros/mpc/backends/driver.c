@@ -102,9 +102,15 @@ static int is_far(const solve *s)
     return s->decrease >= FAR_DECREASE * fabs(s->cost) + BARRIER_READY * s->mu;
 }
 
-/* Shorten the step until the merit falls; return its length, 0 when no length will do. Near the
- * optimum a whole step along a limit that curves violates it to second order, which the merit
- * punishes by more than the step gains; a watchdog takes the step all the same. */
+/* Whether a watchdog takes a step at which the merit rises: near the optimum a whole step along a
+ * limit that curves violates it to second order, which the merit punishes by more than the step
+ * gains. */
+static int dares(const solve *s)
+{
+    return s->watchdog && s->mu < WATCHDOG_BARRIER && s->g[SUMS + 2] > 0.0 && !is_far(s);
+}
+
+/* Shorten the step until the merit falls; return its length, 0 when no length will do. */
 static double search_length(solve *s)
 {
     double reach = s->g[LARGEST_REACH];
@@ -112,7 +118,7 @@ static double search_length(solve *s)
     for (; length > SMALLEST_STEP; length *= BACKTRACK) {
         s->g[LENGTH] = length;
         run_trial_step(s->plan, s->fresh, s->model, s->g, s->horizon);
-        if (accepts(s, length) || (s->watchdog && s->g[SUMS + 2] > 0.0 && !is_far(s)))
+        if (accepts(s, length) || dares(s))
             return length;
     }
     return 0.0;
@@ -145,10 +151,8 @@ static void one_pass(solve *s)
     }
     s->unhalved = residual < 0.5 * s->least_residual ? 0 : s->unhalved + 1;
     s->least_residual = fmin(s->least_residual, residual);
-    if (s->watchdog && s->unhalved > WATCHDOG_PASSES) {
-        s->flag = STALLED;
-        return;
-    }
+    if (s->unhalved > WATCHDOG_PASSES && s->mu < WATCHDOG_BARRIER)
+        s->watchdog = 0;
     double length = s->g[RESIDUALS + 3] > SMALLEST_PIVOT ? search_length(s) : 0.0;
     if (length == 0.0) {
         if (s->exact == 0.0)
@@ -198,7 +202,7 @@ static int improve(solve *s, const double *kept, int is_free, double deadline_s)
     for (size_t i = is_free ? 0 : NEAR; i <= LAST; ++i) {
         s->from_afar = i >= AFAR;
         begin_shift(s, starts[i].mu, kept);
-        s->watchdog = i == NEAR;
+        s->watchdog = 1;
         if (i == AFAR)
             s->exact = fmin(s->exact, AFAR_BLEND);
         iterate(s, 1, deadline_s);

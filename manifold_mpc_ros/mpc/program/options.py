@@ -54,9 +54,9 @@ ACCEPTABLE_RESIDUAL = 1e-6
 # many short steps.
 FREE_MULTIPLIER = 1e-7
 FAR_DECREASE = 0.03
-# The second may raise the merit while the KKT residual halves within so many passes (watchdog
-# technique, Chamberlain et al., Math. Programming Study 16, 1982), else the third begins.
-WATCHDOG_PASSES = 3
+# In warm starts the merit may rise below this barrier, while the KKT residual halves within so many
+# passes (watchdog technique, Chamberlain et al., Math. Programming Study 16, 1982).
+WATCHDOG_BARRIER, WATCHDOG_PASSES = 1e-4, 3
 # The third ends after one pass too whose step reaches so many slacks beyond a limit.
 LEAVING_REACH = 1.5
 WARM_STARTS = ((SMALLEST_BARRIER, 5), (1e-6, 30), (1e-3, 50), (1e-1, 200))
