@@ -78,7 +78,11 @@ SETTINGS = {
                              'AVX-512: other_kernels.c)', other_kernels=True),
     **{f'busy_{core.lower()}': Setting(f'beside two busy loops, kernels of OpenBLAS for {core}',
                                        {'OPENBLAS_CORETYPE': core}, busy_loops=2)
-       for core in ('Haswell', 'Zen', 'Prescott')},
+       for core in ('Haswell', 'Zen')},
+    'busy_no_avx': Setting(
+        'beside two busy loops, kernels of OpenBLAS for Prescott, numpy without AVX-512, AVX2 and '
+        'FMA', {'OPENBLAS_CORETYPE': 'Prescott', 'NPY_DISABLE_CPU_FEATURES': NO_AVX},
+        busy_loops=2),
 }
 
 
