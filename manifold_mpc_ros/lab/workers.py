@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -70,7 +71,7 @@ class Workers(Generic[State]):
                     self._state = self._make()
                 yield index, function(self._state, job)
             return
-        with _interrupts_blocked():
+        with _interrupts_held():
             index_of = {self._pool.submit(_run, function, job): index
                         for index, job in enumerate(jobs)}
         for future in as_completed(index_of):
@@ -100,14 +101,24 @@ def _run(function: Callable[[Any, Any], Any], job: Any) -> Any:
 
 
 @contextmanager
-def _interrupts_blocked() -> Iterator[None]:
+def _interrupts_held() -> Iterator[None]:
     """Keep interrupts for the end of the block, and from processes that start inside.
 
-    Those block them until `_initialise` has run; one that comes meanwhile is raised here then.
+    Those block them until `_initialise` has run; one that comes meanwhile is raised here then. To
+    block them in this thread is not enough: another one, of a library, may get the signal, and
+    Python would raise it here, in the middle of a start.
     """
     resource_tracker.ensure_running()  # its start would unblock them
+    handler, came = signal.getsignal(signal.SIGINT), []
+    holds = callable(handler) and threading.current_thread() is threading.main_thread()
+    if holds:
+        signal.signal(signal.SIGINT, lambda *_: came.append(True))
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        if holds:
+            signal.signal(signal.SIGINT, handler)
+    if came:
+        signal.raise_signal(signal.SIGINT)

@@ -7,6 +7,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
@@ -61,12 +62,37 @@ def test_the_error_of_a_job_comes_through(processes: int) -> None:
         assert dict(workers.run(square, [7]))[0][0] == 49
 
 
+@pytest.fixture
+def interrupts() -> Iterator[None]:
+    """Take interrupts even where the tests themselves were started to ignore them."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def to_this_thread() -> None:
+    signal.pthread_kill(threading.get_ident(), signal.SIGINT)
+
+
+def to_another_thread() -> None:
+    """As the threads of OpenBLAS, which block nothing, get what is sent to the process."""
+    def take() -> None:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        to_this_thread()
+
+    other = threading.Thread(target=take)
+    other.start()
+    other.join()
+
+
+@pytest.mark.parametrize('interrupt', [to_this_thread, to_another_thread])
+@pytest.mark.usefixtures('interrupts')
 def test_an_interrupt_while_processes_start_is_raised_when_they_have(
-        monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch: pytest.MonkeyPatch, interrupt: Callable[[], None]) -> None:
     submit, submitted = ProcessPoolExecutor.submit, []
 
     def interrupted(pool: ProcessPoolExecutor, *arguments: Any) -> Any:
-        signal.pthread_kill(threading.get_ident(), signal.SIGINT)
+        interrupt()
         submitted.append(submit(pool, *arguments))
         return submitted[-1]
 
@@ -75,6 +101,7 @@ def test_an_interrupt_while_processes_start_is_raised_when_they_have(
         dict(workers.run(square, range(3)))
     assert len(submitted) == 3
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_a_worker_that_dies_is_an_error() -> None:

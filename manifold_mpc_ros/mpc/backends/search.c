@@ -75,11 +75,13 @@ static int is_quick(const controller *c)
     return state[2] + state[3] > far * c->linear_rad;
 }
 
-/* Whether a plan has many local minima: that of a nearly time-optimal turn, and that of a slew of
- * many steps on a horizon of many. */
+/* Whether a plan has many local minima: that of a nearly time-optimal turn, that of a slew of many
+ * steps on a horizon of many, and any on a very long one, where the way of a start is rarely that of
+ * the slew. */
 static int has_many_minima(const controller *c)
 {
-    return is_quick(c) || (c->s.horizon > MANY_STEPS && slew_steps(c) > LONG_SLEW_STEPS);
+    return is_quick(c) || c->s.horizon > LONG_HORIZON
+        || (c->s.horizon > MANY_STEPS && slew_steps(c) > LONG_SLEW_STEPS);
 }
 
 /* Whether a start can lead to the best plan from a state. The short way always can; the long way
@@ -224,24 +226,65 @@ static int run_inside(controller *c, double *inside)
     return s->passes > 0 && fabs(s->cost) < INFINITY;
 }
 
-/* Find the best of starts that are due; return whether there is one. With `inside`, of all, none
- * of which ends for its cost, and the best plan inside too (run_inside). After the deadline no
- * further start begins. */
+/* The first of so many starts that begins with this cost, -1 where none does. */
+static long twin_of(const double *begins, long count, double cost)
+{
+    for (long i = 0; i < count; ++i)
+        if (fabs(begins[i] - cost) <= MIRRORED * fabs(cost))
+            return i;
+    return -1;
+}
+
+/* A search under way: its least cost, the start that leads to it, and what run_inside has found. */
+typedef struct {
+    double least, times, *inside;
+    long won;
+} race;
+
+static void run_in(controller *c, plan *best, race *r, long i)
+{
+    const double *before = best->memory;
+    if (r->inside ? run_inside(c, r->inside) : run_start(c, r->least, r->times))
+        r->least = take_better(c, best, r->least);
+    if (best->memory != before)
+        r->won = i;
+}
+
+/* Find the best of the starts that are due, with `inside` of all, none of which ends for its cost
+ * (run_inside); return whether there is one. After the deadline no further start begins.
+ *
+ * Leaning ones come first, since the slew itself costs more where they are due. A turn from rest
+ * about a principal axis is its own mirror image, and so are starts in pairs, which begin and end
+ * with the same costs: of the second ones only that of the best plan runs, since the order of plans
+ * decides between the two. */
 static int search_starts(controller *c, plan *best, double steps, double *inside)
 {
-    double least = INFINITY, begun_s = now_s();
-    double times = has_many_minima(c) ? EXPECTED_FALLS_MANY : EXPECTED_FALLS;
+    race r = {INFINITY, has_many_minima(c) ? EXPECTED_FALLS_MANY : EXPECTED_FALLS, inside, -1};
+    double begun_s = now_s(), begins[MOST_STARTS];
+    long twins[MOST_STARTS];
     for (long i = 0; i < c->start_count; ++i) {
-        if (!inside && !is_due(c, c->starts[i]))
-            continue;
-        if (least < INFINITY && is_over(c->deadline_s))
-            break;
-        begin_start(&c->s, c->starts[i], steps);
-        if (inside ? run_inside(c, inside) : run_start(c, least, times))
-            least = take_better(c, best, least);
+        begins[i] = INFINITY;
+        twins[i] = -1;
     }
+    for (int slews = 0; slews < 2; ++slews)
+        for (long i = 0; i < c->start_count; ++i) {
+            if (slews != !leans(c->starts[i]) || (!inside && !is_due(c, c->starts[i])))
+                continue;
+            if (r.least < INFINITY && is_over(c->deadline_s))
+                break;
+            begin_start(&c->s, c->starts[i], steps);
+            twins[i] = inside ? -1 : twin_of(begins, c->start_count, c->s.cost);
+            begins[i] = c->s.cost;
+            if (twins[i] < 0)
+                run_in(c, best, &r, i);
+        }
+    for (long i = 0, won = r.won; i < c->start_count && !is_over(c->deadline_s); ++i)
+        if (won >= 0 && twins[i] == won) {
+            begin_start(&c->s, c->starts[i], steps);
+            run_in(c, best, &r, i);
+        }
     c->local_s += now_s() - begun_s;
-    return least < INFINITY;
+    return r.least < INFINITY;
 }
 
 static int touches_cone(controller *c, const plan *p)

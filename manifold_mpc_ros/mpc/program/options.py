@@ -54,8 +54,8 @@ ACCEPTABLE_RESIDUAL = 1e-6
 # many short steps.
 FREE_MULTIPLIER = 1e-7
 FAR_DECREASE = 0.03
-# In warm starts the merit may rise below this barrier, while the KKT residual halves within so many
-# passes (watchdog technique, Chamberlain et al., Math. Programming Study 16, 1982).
+# In warm starts the merit may rise below this barrier, while the KKT residual halves within so
+# many passes (watchdog technique, Chamberlain et al., Math. Programming Study 16, 1982).
 WATCHDOG_BARRIER, WATCHDOG_PASSES = 1e-4, 3
 # The third ends after one pass too whose step reaches so many slacks beyond a limit.
 LEAVING_REACH = 1.5
@@ -74,6 +74,8 @@ MOST_PASSES = 200
 JUDGED_PASSES = 22
 EXPECTED_FALLS, EXPECTED_FALLS_MANY, BARRIER_GAP = 2.0, 40.0, 12.0
 HOPELESS = 1e-4
+# Starts at most; those whose first costs agree to this are mirror images of each other.
+MOST_STARTS, MIRRORED = 42, 1e-12
 # Passes between two looks at whether a start is at a plan that keeps every limit.
 LOOK_PASSES = 4
 # A leaning start holds its octant for this part of the bang-bang slew, and no fewer steps; one of
@@ -92,9 +94,10 @@ MANY_STEPS = 25
 LEAN_LONG_RAD = math.radians(150.0)
 # A plan has many minima above so many times the angle that costs what full torque does: the turn
 # is nearly time-optimal, which is when another axis gains time. On horizons of many steps less is
-# enough, or a bang-bang slew of so many steps (benchmarks/bodies.py).
+# enough, or a bang-bang slew of so many steps (benchmarks/bodies.py); and any plan has them on
+# very long ones (benchmarks/search_tail.py).
 FAR_TURN, FAR_TURN_OF_MANY = 40.0, 20.0
-LONG_SLEW_STEPS = 15.0
+LONG_SLEW_STEPS, LONG_HORIZON = 15.0, 200
 # Plans whose costs agree to this are equal; the rule then decides.
 TIE = 1e-7
 
