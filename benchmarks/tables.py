@@ -78,11 +78,13 @@ def summary(data: dict[str, Any]) -> str:
     lines = []
     for text, name, start in (
             ('ours, warm, to 1e-8', 'ours, search', 'warm'),
-            ('acados SQP, warm, to 1e-6', 'acados SQP (HPIPM)', 'warm'),
+            ('acados SQP with HPIPM, warm, to 1e-6', 'acados SQP (HPIPM)', 'warm'),
+            ('acados SQP with DAQP, warm, to 1e-6', 'acados SQP (DAQP)', 'warm'),
             ('acados, one real-time iteration, not converged', 'acados RTI, one step', 'warm'),
             ('IPOPT, warm, its functions as C', 'IPOPT', 'warm'),
             ('ours, cold, global search', 'ours, search', 'cold'),
-            ('acados SQP, cold', 'acados SQP (HPIPM)', 'cold')):
+            ('acados SQP with HPIPM, cold', 'acados SQP (HPIPM)', 'cold'),
+            ('acados SQP with DAQP, cold', 'acados SQP (DAQP)', 'cold')):
         every = [row for key, row in rows.items() if key[:2] == (name, start)]
         dearer = f'{sum(row["dearer_than_best_known"] for row in every)} of ' \
                  f'{sum(row["solves"] for row in every):,}' if start == 'cold' else ''
