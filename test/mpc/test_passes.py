@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,8 @@ from manifold_mpc_ros import AttitudeMpc, SolveStatus
 from manifold_mpc_ros.dynamics.lgvi import lgvi_step
 from manifold_mpc_ros.lab.benchmark.peers.instances import draw
 from manifold_mpc_ros.lab.benchmark.peers.problem import comparison_config
+from manifold_mpc_ros.mpc.program.options import MOST_STARTS
+from manifold_mpc_ros.mpc.search import starts
 
 RANDOM = [each for each in draw(200) if each.kind == 'random']
 
@@ -48,3 +51,10 @@ def test_a_search_is_no_longer_where_the_horizon_goes_on_at_rest(cache_dir: Path
                 mpc.solve(instance.R_NB, np.array(instance.omega_BN_B)).iterations)
         passes.append(sum(of_horizon))
     assert passes[1] <= 1.5 * passes[0]
+
+
+def test_the_search_has_room_for_every_start() -> None:
+    """A nearly time-optimal turn on a long horizon has most; C keeps a cost for each."""
+    config = replace(comparison_config(40), torque_weight=1e-4 * np.eye(3))
+    assert len(starts(config)) == MOST_STARTS
+    assert len(starts(replace(config, horizon=500))) == MOST_STARTS

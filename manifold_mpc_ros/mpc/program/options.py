@@ -75,7 +75,7 @@ JUDGED_PASSES = 22
 EXPECTED_FALLS, EXPECTED_FALLS_MANY, BARRIER_GAP = 2.0, 40.0, 12.0
 HOPELESS = 1e-4
 # Starts at most; those whose first costs agree to this are mirror images of each other.
-MOST_STARTS, MIRRORED = 42, 1e-12
+MOST_STARTS, MIRRORED = 36, 1e-12
 # Passes between two looks at whether a start is at a plan that keeps every limit.
 LOOK_PASSES = 4
 # A leaning start holds its octant for this part of the bang-bang slew, and no fewer steps; one of
