@@ -105,7 +105,9 @@ class Replayer(Listener):
         """Give everything when it is due, ``rate`` seconds of its time in one of wall clock.
 
         The controller follows /clock, which starts so that the controller's ticks fall just
-        behind ``first_tick_ns`` and whole steps later, and goes on for one step at the end.
+        behind ``first_tick_ns`` and whole steps later, and goes on for one step at the end. Where
+        this process is held up the clock goes on by half a step at most, so that it leaves out no
+        tick.
         """
         first_ns = self._feed.states[0].stamp_ns
         end_ns = self._feed.states[-1].due_ns + round(step_s * NANOSECONDS)
@@ -113,9 +115,8 @@ class Replayer(Listener):
                          key=lambda each: each.due_ns)
         while waiting and waiting[0] in self._feed.setpoints:
             self._give([waiting.pop(0)], self._another_setpoint(), watch)
-        begun_ns = first_tick_ns - round(step_s * NANOSECONDS) + BEHIND_NS
-        begun_s = time.monotonic()
-        now_ns = begun_ns
+        now_ns = first_tick_ns - round(step_s * NANOSECONDS) + BEHIND_NS
+        seen_s = time.monotonic()
         while now_ns < end_ns:
             watch()
             while waiting and waiting[0].due_ns <= now_ns:
@@ -125,7 +126,8 @@ class Replayer(Listener):
             progress(max(0.0, min(now_ns, self._feed.states[-1].stamp_ns) - first_ns)
                      / NANOSECONDS)
             self.spin(CLOCK_PERIOD_S)
-            now_ns = begun_ns + round((time.monotonic() - begun_s) * rate * NANOSECONDS)
+            before_s, seen_s = seen_s, time.monotonic()
+            now_ns += round(min((seen_s - before_s) * rate, 0.5 * step_s) * NANOSECONDS)
         self.spin(SETTLE_S)
 
     def _give(self, given: Sequence[FeedMessage], taken: Callable[[], bool], watch: Watch
