@@ -193,7 +193,7 @@ class Rig:
 
     def until(
         self, condition: Callable[[], bool], what: str, *, timeout_s: float = PATIENCE_S,
-        meanwhile: Callable[[], None] = lambda: None, alive: bool = True,
+        meanwhile: Callable[[], object] = lambda: None, alive: bool = True,
     ) -> None:
         """Spin until a condition holds, calling ``meanwhile`` between looks."""
         end = time.monotonic() + timeout_s
@@ -224,7 +224,7 @@ class Rig:
         self.until(condition, what, meanwhile=publish)
 
     def more(self, seen: list[Any], count: int, what: str,
-             meanwhile: Callable[[], None] = lambda: None) -> None:
+             meanwhile: Callable[[], object] = lambda: None) -> None:
         """Wait for so many further messages: whoever sends them has gone on meanwhile."""
         before = len(seen)
         self.until(lambda: len(seen) >= before + count, what, meanwhile=meanwhile)

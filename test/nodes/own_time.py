@@ -22,7 +22,7 @@ class OwnTime:
     """Time since the construction, less the waits for a processor of processes and of this one.
 
     The kernel's own account of every thread (run delay in schedstat); of one that ends, what it
-    was at the last look.
+    was at the last look. Threads that wait at the same time count each: below 0 on a busy machine.
     """
 
     def __init__(self, *pids: int) -> None:

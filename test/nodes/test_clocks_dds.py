@@ -25,6 +25,8 @@ from watching import is_settled, values_of
 
 #: The wrong combinations are named within this, once both are found; waits for a processor apart.
 NAMED_S = 2.0
+#: The middleware repeats a lost message of discovery after this.
+REPEATED_S = 3.0
 PUBLISHES = {'timing.publish_clock': True}
 FOLLOWS = {'use_sim_time': True}
 #: Few states, so that the watcher of two spacecraft keeps up on a busy machine.
@@ -70,7 +72,7 @@ def test_two_clocks_are_named_and_at_most_one_goes_on(rig: Rig) -> None:
     still = [name for name in processes if conflict in said(diagnostics, name)]
     assert all(level(diagnostics, name) == DiagnosticStatus.ERROR for name in still)
     assert all(processes[name].log.count(f'{conflict}; simulated time') == 1 for name in still)
-    assert named_s < NAMED_S
+    assert named_s < NAMED_S + REPEATED_S
     # One time at the most: from here on the clock does not go back.
     rig.settle()
     del clock[:]
@@ -105,7 +107,7 @@ def test_a_second_simulator_beside_a_clock_says_that_it_ignores_it(rig: Rig) -> 
     publishing = simulator(rig, 'sat1', **PUBLISHES)
     rig.until(lambda: said(diagnostics, 'sat1') == 'simulated time runs', 'the clock')
     words = 'not /clock of /sat1/lgvi_simulator; use_sim_time: true follows it'
-    # Where the middleware loses a message of discovery, it repeats it after 3 s; not every time.
+    # A message of discovery is not lost every time.
     for name in ('sat2', 'sat3', 'sat4', 'sat5'):
         ignoring = simulator(rig, name)
         rig.until(lambda name=name: said(diagnostics, name) != '', 'the second simulator')
