@@ -135,7 +135,8 @@ def bag_and_report(folder: Path, out: str) -> None:
     assert np.isclose(run.error_rad[0], np.pi, atol=1e-9)
     nothing_is_missed(folder, run)
     watched = column(folder / 'states.csv', 'time_s')
-    assert abs(len(run.states) - int(np.sum(watched >= 0.0))) <= 10  # 0.5 s
+    # Both are closed one after the other; a state that had no answer for a while counts once.
+    assert abs(len(run.states) - len(np.unique(watched[watched >= 0.0]))) <= 10
     page = folder / 'report' / 'demo.html'
     assert page.is_file()
     assert str(page) in out
