@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -60,8 +61,10 @@ def say_written(console: Console, paths: Iterable[Path]) -> None:
 
 
 def vector_text(values: Iterable[float], unit: str = '') -> str:
-    """Return numbers as ``(x, y, z) unit``, with 4 digits."""
-    text = ', '.join(f'{value:.4g}' for value in values)
+    """Return numbers as ``(x, y, z) unit``, with 4 digits; 0 for rounding beside the largest."""
+    values = list(values)
+    rounding = 1e-12 * max(filter(math.isfinite, map(abs, values)), default=0.0)
+    text = ', '.join(f'{0.0 if abs(value) < rounding else value:.4g}' for value in values)
     return f'({text}) {unit}'.rstrip()
 
 
